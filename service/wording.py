@@ -56,6 +56,12 @@ def holdout_in_words(kind: str) -> str:
     return HOLDOUTS.get(kind, kind)
 
 
+def holdout_of(dataset: Dataset) -> str:
+    """Describe what a data set holds out."""
+    kind = dataset.header.holdout
+    return holdout_in_words(kind) if dataset.validation_rows.any() else "none of its readings"
+
+
 SIMULATED = "SIMULATED: these readings come from a simulated robot and instrument, not from a real one."
 
 

@@ -35,7 +35,7 @@ from acquisition.cell.transit import may_visit
 from acquisition.cell.world_frame import WorldFrame
 from acquisition.errors import UnsafePlan
 from acquisition.loop.follow_up_campaign import campaign_table, in_cell
-from acquisition.record.database import FILE
+from acquisition.record.database import is_begun
 from acquisition.record.device_serials import Individual, individuals_of, series_among
 from acquisition.record.export import export, table_of
 from acquisition.record.merge import CampaignPart, frame_of_part, merge
@@ -360,7 +360,8 @@ def verify(
     wanted: Array
     refused: list[str]
     wanted, refused = equipment.compute(new_targets, equipment.cell, campaign.seed, diagnosis, soon, poses)
-    size = FEW if follows_conditions(dataset, diagnosis, wanted) else len(wanted)
+    follows = follows_conditions(dataset, diagnosis, wanted)
+    size = FEW if follows else len(wanted)
     devices = individuals_of(first.record)
     batches: list[JudgedLandings] = []
     accepted: dict[str, None] = {}
@@ -369,6 +370,9 @@ def verify(
         goals, record = wanted[begin : begin + size], folder / f"campaign{number}"
         begun = targets_of_record(record)
         if begun is not None:  # by an earlier program
+            if follows and read_status(record).state != State.SUCCEEDED.value:
+                refused.append("it was corrected for a time before the calibration was interrupted")
+                continue
             joints, goals = begun
         else:
             stated = conditions_soon(equipment, dataset, first, last)
@@ -560,7 +564,7 @@ def campaign_of(like: Campaign, corrected_deg: Array, wanted_deg: Array) -> Camp
 
 def targets_of_record(record: Path) -> tuple[Array, Array] | None:
     """Return the corrected and the wanted joints (k, N), deg, of a verification that was begun; None without one."""
-    if not (record / FILE).is_file():
+    if not is_begun(record):
         return None
     with RecordStore.reading(record) as store:
         campaign = campaign_of_record(store.campaign["campaign"], str(record))

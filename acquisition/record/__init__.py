@@ -1,6 +1,6 @@
 """The record of a campaign: durable, sealed row by row, with functions that read it."""
 
-from acquisition.record.database import FILE, sha256_of
+from acquisition.record.database import FILE, is_begun, sha256_of
 from acquisition.record.device_serials import DeviceAcceptance, individual_of
 from acquisition.record.export import export, export_events, planned_header
 from acquisition.record.merge import export_together
@@ -22,6 +22,7 @@ __all__ = [
     "export_streams",
     "export_together",
     "individual_of",
+    "is_begun",
     "planned_header",
     "rescue",
     "salvage",

@@ -73,7 +73,7 @@ class Database:
         self._within: int | None = None  # the thread whose transaction is open
         self._owner = own(folder, new=new) if writer else None
         try:
-            if new and self.path.exists() and not _begun(self.path):
+            if new and self.path.exists() and not is_begun(folder):
                 _remove(self.path)  # its making was interrupted before there was a campaign in it
             if (self.path.exists() if new else _look_at(self.path)) == new:
                 raise RecordError(f"{folder}: {'there is a record already' if new else 'there is no record'}")
@@ -321,11 +321,15 @@ def _unreadable(path: Path, why: str | None) -> StorageError:
     )
 
 
-def _begun(path: Path) -> bool:
-    """Check whether the file has content that must be kept.
+def is_begun(folder: Path) -> bool:
+    """Check whether the file of a record has content that must be kept.
 
-    This is a record with its campaign, a damaged one, or another program's file.
+    This is a record with its campaign, a damaged one, or another program's file. A file whose making was cut off has
+    none.
     """
+    path = folder / FILE
+    if not path.is_file():
+        return False
     try:
         _look_at(path)
     except StorageError:

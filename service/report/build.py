@@ -375,7 +375,7 @@ def _render(
         simulated_words=wording.SIMULATED,
         now=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         held_count=int(dataset.validation_rows.sum()),
-        holdout=wording.holdout_in_words(dataset.header.holdout),
+        holdout=wording.holdout_of(dataset),
         error_kind=wording.error_kind(dataset),
         paper=certificate.paper_of(dataset, document, model_sha256),
         closing=wording.CLOSING,

@@ -211,8 +211,11 @@ def _results(parent: ElementTree.Element, certified: CertificateContent) -> None
     _text(result, "name", f"{_simulated(dataset)}Position error and parameters of the robot")
     method = _add(_add(result, "usedMethods"), "usedMethod")
     _text(method, "name", "Identification of the robot's kinematics from measured positions or distances")
+    held_out = f"{dataset.header.holdout}; they took no part in any fit"
     _text(
-        method, "description", f"Readings held out: {dataset.header.holdout}; they took no part in any fit."
+        method,
+        "description",
+        f"Readings held out: {held_out if dataset.validation_rows.any() else 'none of the data set'}.",
     )
     instrument = _device(dataset, "instrument")
     equipment = _add(_add(result, "measuringEquipments"), "measuringEquipment")
@@ -225,7 +228,13 @@ def _results(parent: ElementTree.Element, certified: CertificateContent) -> None
     results = _add(result, "results")
     for key, name in _ERRORS.items():
         if document.get(key) is not None:
-            _errors(results, name, document[key], _uncertainty(document, key))
+            what = f"{name}: error on {wording.counted(document[key]['n'], 'reading')} held out"
+            _errors(results, what, document[key], _uncertainty(document, key))
+    for key, name in _VERIFIED.items():
+        verified = (document.get("verification") or {}).get(key)
+        if verified is not None:
+            what = f"Robot at new poses, {name}: error on {wording.counted(verified['n'], 'reading')}"
+            _errors(results, what, verified, {})
     if "verdict" in document:
         found = _add(results, "result")
         _text(found, "name", "Diagnosis")
@@ -250,6 +259,11 @@ _ERRORS = {
     "error_before_mm": "Base model",
     "error_identified_mm": "Identified model",
     "error_after_mm": "Model with the effects found",
+}
+
+_VERIFIED = {
+    "error_uncorrected_mm": "driven uncorrected",
+    "error_verified_mm": "driven with corrected targets",
 }
 
 _FIGURES = {
@@ -281,7 +295,7 @@ def _errors(
     results: ElementTree.Element, name: str, errors: Mapping[str, Any], u: Mapping[str, float]
 ) -> None:
     result = _add(results, "result")
-    _text(result, "name", f"{name}: error on {wording.counted(errors['n'], 'reading')} held out")
+    _text(result, "name", name)
     listed = _add(_add(result, "data"), "list")
     for figure, words in _FIGURES.items():
         if errors.get(figure) is not None:

@@ -273,6 +273,24 @@ def test_a_zone_out_of_reach_is_refused_before_anything_moves(tmp_path: Path) ->
     assert not (tmp_path / "record").exists()
 
 
+def test_the_poses_of_a_program_are_its_zone(tmp_path: Path) -> None:
+    """What is drawn at random comes from everywhere in it, and what no robot reaches is refused."""
+    cell = a_cell()
+    many = [list(pose.joints_deg) for pose in _candidates(Bench(cell))[:200]]
+    many.sort(key=lambda row: row[0])  # as a program passes along its part
+    given = a_campaign(zone_joints_deg=many)
+    found = adaptive.block_of(given)
+    assert found is not None
+    pool = adaptive.pool_of(found[1], adaptive.site_of(cell, given, 0))
+    probes = pool.candidates[pool.drawn :]
+    assert len(pool.zone) == 200
+    assert len(probes) <= 60
+    drawn = [pose.joints_deg[0] for pose in probes[:10]]
+    assert np.ptp(drawn) > 0.3 * np.ptp([row[0] for row in many])
+    with pytest.raises(ConfigError, match="zone_joints_deg 2 is outside"):
+        Run.create(tmp_path / "record", cell, a_campaign(zone_joints_deg=[many[0], [500.0, *many[0][1:]]]))
+
+
 def test_with_a_single_reflector_one_target_is_measured(tmp_path: Path) -> None:
     """Nobody would move it between the poses."""
     cell = a_cell(instrument__one_smr=True)

@@ -17,10 +17,14 @@ from typing import Any
 
 import pytest
 
-from acquisition import read_status
-from acquisition.loop import LoopEnded, calibration_campaign, close_loop, rehearsal
+from acquisition import Run, read_cell, read_status
+from acquisition.loop import LoopEnded, calibration_campaign, close_loop, loop, rehearsal
 from acquisition.record import FILE
 from drivers.errors import AcquisitionError
+from service import wording
+from service.cli import main
+from service.commands.cell import calibrate
+from service.commands.cell.calibrate import created_or_continued
 from tests.drivers.waiting import PATIENCE_S, until
 from tests.end_to_end.simulated import ROOT, stepped_cell, truepose
 from tests.service.test_http_support import served
@@ -55,6 +59,8 @@ def test_the_plan_alone_says_poses_minutes_and_accuracy(cell: Path, tmp_path: Pa
         (("--minutes", "3"), "minutes are too short"),
         (("--zone", "x=5000:6000"), "larger"),
         (("--zone", "x=1"), "--zone"),
+        (("--zone", "x=300:500,x=200:300"), "twice"),
+        (("--minutes", "inf"), "--minutes"),
         (("--zone", "x=5:1"), "lower limit first"),
         ((), "nobody is at this terminal"),  # a real cell, and standard input is no terminal
     ],
@@ -91,8 +97,11 @@ def test_it_goes_on_after_the_program_was_killed(cell: Path, tmp_path: Path) -> 
             cwd=ROOT,
         )
         until(lambda place=folder / record, least=readings: _done(place) >= least)
+        beside = _descendants(killed.pid)
+        assert beside  # it computes looks and simulates devices there
         killed.send_signal(signal.SIGKILL)
         killed.wait(PATIENCE_S)
+        until(lambda pids=beside: not any(map(_runs, pids)))
     before = read_status(folder / "campaign1")
     last = truepose(*command, "--json", str(tmp_path / "result.json"))
     assert last.returncode == 0, last.stderr
@@ -102,13 +111,56 @@ def test_it_goes_on_after_the_program_was_killed(cell: Path, tmp_path: Path) -> 
     verified = result["verification"]
     assert verified["poses"] == 4
     assert verified["error_verified_mm"]["rms"] < 0.1 * verified["error_uncorrected_mm"]["rms"]
+    words = wording.HOLDOUTS["as measured"]
+    report = (folder / "report.html").read_text("utf-8")
+    assert words not in report + last.stdout  # no reading of the data set was held out
+    certificate = (folder / "certificate.xml").read_text("utf-8")
+    assert "held out: as measured" not in certificate
+    assert f"{verified['error_verified_mm']['rms']:.12g}" in certificate
     for name in ("model.json", "report.html", "certificate.xml", "targets.csv", "data.csv"):
         assert (folder / name).stat().st_size
+    (folder / "certificate.xml").unlink()  # as if the program had been killed once more just before
+    assert truepose(*command).returncode == 0
+    assert (folder / "certificate.xml").stat().st_size
     again = truepose(*command)
     assert again.returncode != 0
     assert "finished calibration" in again.stderr
     other = truepose(*command[:-1], str(folder), "--accuracy", "0.07")
     assert other.returncode != 0
+
+
+def test_an_interrupted_diagnosis_says_how_to_go_on(
+    cell: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(*_: Any, **__: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(calibrate, "close_loop", interrupted)
+    assert main(["calibrate", str(cell), "--simulate", "--record", str(tmp_path / "out")]) == 130
+    assert "same command again" in capsys.readouterr().err
+
+
+def _descendants(pid: int) -> list[int]:
+    threads = Path(f"/proc/{pid}/task").iterdir()
+    children = [int(each) for task in threads for each in (task / "children").read_text("utf-8").split()]
+    return [*children, *(each for child in children for each in _descendants(child))]
+
+
+def _runs(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text("utf-8").rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def test_a_record_whose_making_was_cut_off_is_made_anew(cell: Path, tmp_path: Path) -> None:
+    (tmp_path / "campaign2").mkdir()
+    (tmp_path / "campaign2" / FILE).touch()
+    the_cell = read_cell(cell)
+    campaign, _ = calibration_campaign(the_cell, accuracy_mm=0.1)
+    assert loop.targets_of_record(tmp_path / "campaign2") is None
+    with created_or_continued(tmp_path / "campaign2", the_cell, campaign, True) as run:
+        assert run.status().state == "ready"
 
 
 def _done(record: Path) -> int:
@@ -144,6 +196,44 @@ def test_corrected_targets_are_driven_only_with_leave(cell: Path, tmp_path: Path
     assert len(asked) == 1
     assert (tmp_path / "data.csv").is_file()
     assert not (tmp_path / "campaign2").exists()
+
+
+def test_targets_corrected_for_an_earlier_time_are_not_driven_later(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where a correction follows time, a pose that an interruption has made old is left out."""
+    the_cell, _ = rehearsal.write_files(tmp_path, 3, "backlash:j4", 1.0, calibration=34, validation=8)
+    campaign, _ = calibration_campaign(the_cell, accuracy_mm=0.1)
+    monkeypatch.setattr(loop, "follows_conditions", lambda *_: True)
+
+    def dies_at_the_second(record: Path, *asked: Any) -> Run:
+        run = created_or_continued(record, *asked)
+        if record.name == "campaign3":
+            run.close()
+            raise KeyboardInterrupt
+        return run
+
+    with stepped_cell(the_cell) as equipment, pytest.raises(KeyboardInterrupt):
+        close_loop(replace(equipment, create=dies_at_the_second), campaign, tmp_path, poses=3)
+    assert read_status(tmp_path / "campaign3").state == "ready"
+    with stepped_cell(the_cell) as equipment:
+        result = close_loop(replace(equipment, create=created_or_continued), campaign, tmp_path, poses=3)
+    assert read_status(tmp_path / "campaign3").state == "ready"
+    assert len(result.targets.wanted) == 2
+    assert any("before the calibration was interrupted" in reason for reason in result.targets.refused)
+
+
+def test_targets_of_a_program_that_cannot_be_reached_are_said(cell: Path, tmp_path: Path) -> None:
+    names = ",".join(["target_id", *(f"j{k}_deg" for k in range(1, 7))])
+    rows = ["1,0,45,0,0,45,0", "2,10,50,-10,20,40,10", "3,0,500,0,0,45,0"]
+    (tmp_path / "program.csv").write_text("\n".join([names, *rows]) + "\n", "utf-8")
+    shown = truepose("calibrate", str(cell), "--plan-only", "--program", str(tmp_path / "program.csv"))
+    assert shown.returncode == 0, shown.stderr
+    assert "1 target cannot be reached" in shown.stderr
+    (tmp_path / "program.csv").write_text("\n".join([names, rows[2]]) + "\n", "utf-8")
+    refused = truepose("calibrate", str(cell), "--plan-only", "--program", str(tmp_path / "program.csv"))
+    assert refused.returncode != 0
+    assert "no target that can be the zone" in refused.stderr
 
 
 def test_over_http_it_rests_until_a_person_lets_corrected_targets_be_driven(

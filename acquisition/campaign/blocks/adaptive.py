@@ -184,8 +184,8 @@ def pool_of(block: AdaptiveBlock, site: Site) -> Pool:
         if block.zone_joints_deg is not None:
             zone = _given(block.zone_joints_deg, site, rng)
             before, joints = _before(zone), np.array([pose.joints_deg for pose in zone])
-            safe = may_visit(cell, joints, before)
-            probes = [pose for pose, good in zip(zone, safe, strict=True) if good] or candidates[:_PROBES]
+            safe = np.flatnonzero(may_visit(cell, joints, before))
+            probes = [zone[i] for i in rng.permutation(safe)[:_PROBES]] or candidates[:_PROBES]
         else:
             try:
                 zone = drawn(_ZONE + _PROBES, _FEWEST, block.zone)
@@ -201,6 +201,12 @@ def pool_of(block: AdaptiveBlock, site: Site) -> Pool:
 
 def _given(rows: Sequence[Joints], site: Site, rng: np.random.Generator) -> list[Pose]:
     poses = [site.posture(f"zone_joints_deg {i}", row) for i, row in enumerate(rows, start=1)]
+    low, high = np.array(site.cell.robot.limits_deg).T
+    outside = np.flatnonzero(np.any((np.array(poses) < low) | (np.array(poses) > high), axis=1))
+    if len(outside):
+        raise ConfigError(
+            f"zone_joints_deg {outside[0] + 1} is outside limits_deg of the cell; leave out what cannot be reached"
+        )
     sides = np.full((len(poses), len(poses[0])), site.approach.side)
     if site.approach.sides == "both":
         sides = rng.choice((-1, 1), size=sides.shape)

@@ -9,12 +9,14 @@ before the first motion, and again before corrected targets are driven.
 from __future__ import annotations
 
 import math
+import os
 import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import ExitStack, contextmanager
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from pathlib import Path
 from typing import Annotated, TypeVar
 
@@ -25,8 +27,10 @@ from acquisition import (
     Campaign,
     Cell,
     Devices,
+    ExecutionOutcome,
     Run,
     ScaledClock,
+    State,
     open_devices,
     pausing_on_interrupt,
     read_cell,
@@ -34,8 +38,7 @@ from acquisition import (
 from acquisition.errors import RecordError
 from acquisition.examination import examine, note_low_priority
 from acquisition.loop import VERIFICATION, Equipment, LoopEnded, calibration_campaign, close_loop
-from acquisition.record import FILE as RECORD_FILE
-from acquisition.record import RecordStore
+from acquisition.record import RecordStore, is_begun
 from acquisition.run import Begin
 from calib.errors import DataError
 from drivers.errors import ConfigError
@@ -53,9 +56,11 @@ from service.results.cell.accuracy import OutlookShown
 from service.results.models.parameters import rows_of
 from service.results.shape import document_of
 from service.simulated_cell import simulated_cell
+from service.wording import counted
 
 CERTIFICATE = "certificate.xml"
 _AXES = ("x", "y", "z")
+_INTERRUPTED = ExecutionOutcome(State.PAUSED, "Interrupted; nothing moves.")
 _T = TypeVar("_T")
 
 
@@ -70,7 +75,12 @@ def calibrate_command(
     ] = 0.1,
     minutes: Annotated[
         float | None,
-        typer.Option(metavar="MIN", min=1.0, help="Time at the cell, verification included; else no limit."),
+        typer.Option(
+            metavar="MIN",
+            min=1.0,
+            max=10_000.0,
+            help="Time at the cell, verification included; else no limit.",
+        ),
     ] = None,
     zone: Annotated[
         str,
@@ -106,18 +116,21 @@ def calibrate_command(
     parties = read_parties(dcc_about, folder / CERTIFICATE, folder / loop_results.REPORT)
     certificate = CertificateRequest.of(folder / CERTIFICATE, parties)
     assert certificate is not None
+    targets, left_out = (None, "") if program is None else _targets_of(program, the_cell)
     campaign, outlook = calibration_campaign(
         the_cell,
         accuracy_mm=accuracy,
         minutes=minutes,
         zone=_zone(zone, program),
-        zone_joints_deg=None if program is None else _targets_of(program, the_cell),
+        zone_joints_deg=targets,
         poses=poses,
     )
     with ExitStack() as stack:
         terminal = stack.enter_context(Terminal(quiet=json == STANDARD_OUTPUT))
         terminal.rest()
         terminal.out.print(outlook.in_words(), soft_wrap=True)
+        if left_out:
+            terminal.note(f"{program}: {left_out}")
         if plan_only:
             write_json(
                 {"format": "truepose-outlook/1"} | document_of(OutlookShown.model_validate(outlook)), json
@@ -171,12 +184,12 @@ def calibrate_command(
         )
         try:
             result = close_loop(equipment, campaign, folder, poses=poses, say=terminal.say)
-        except LoopEnded as ended:
+        except (LoopEnded, KeyboardInterrupt) as ended:  # Ctrl-C where nothing moves, as in a diagnosis
+            outcome = ended.outcome if isinstance(ended, LoopEnded) else _INTERRUPTED
             terminal.rest()
-            error = ended.outcome.error
-            terminal.note(f"truepose: {ended if error is None else error.sentence}")
+            terminal.note(f"truepose: {outcome.reason if outcome.error is None else outcome.error.sentence}")
             terminal.note(f"Give the same command again to continue{'' if record else f' in {folder}'}.")
-            raise typer.Exit(ended.outcome.exit_code) from ended
+            raise typer.Exit(outcome.exit_code) from ended
         terminal.say("drawing the report")
         document, sealed = loop_results.write(result, folder, parties=parties)
         parameters = [document_of(row) for row in rows_of(result.diagnosis.final)]
@@ -208,6 +221,8 @@ def _zone(text: str, program: Path | None) -> dict[str, list[float]] | None:
     for part in text.split(","):
         axis, equals, limits = part.strip().partition("=")
         low, colon, high = limits.partition(":")
+        if f"{axis}_mm" in box:
+            raise DataError(f"has {axis} twice.", do="Give the limits of each axis once.", key="--zone")
         try:
             box[f"{axis}_mm"] = [float(low), float(high)]
         except ValueError:
@@ -219,13 +234,13 @@ def _zone(text: str, program: Path | None) -> dict[str, list[float]] | None:
     return box
 
 
-def _targets_of(program: Path, cell: Cell) -> list[list[float]]:
-    """Return the joints of the targets of a program, deg, as the cell counts them.
+def _targets_of(program: Path, cell: Cell) -> tuple[list[list[float]], str]:
+    """Return the joints of the targets of a program, deg, as the cell counts them, and which targets are left out.
 
     Raises
     ------
     DataError
-        The program cannot be read, or none of its targets is understood.
+        The program cannot be read, or the robot reaches none of its targets.
     """
     from service.programs import KnownFrames, read_program
     from service.programs.postures import postures
@@ -233,13 +248,22 @@ def _targets_of(program: Path, cell: Cell) -> list[list[float]]:
     robot = cell.robot.model
     targets = read_program(program, robot, KnownFrames()).targets
     joints, why = postures(targets, robot, cell.robot.coupling)
-    found = joints[np.isfinite(joints).all(axis=1)] / robot.joint_units
-    if not len(found):
-        reason = next(filter(None, why), "it has no target")
+    units, (low, high) = joints / robot.joint_units, np.array(cell.robot.limits_deg).T
+    within = np.all((units >= low) & (units <= high), axis=1)  # NaN is outside
+    reasons = [
+        each or "outside limits_deg of the cell"
+        for each, target, good in zip(why, targets, within.tolist(), strict=True)
+        if not good and not target.empty
+    ]
+    if not within.any():
+        reason = next(iter(reasons), "it has no target")
         raise DataError(
             f"has no target that can be the zone: {reason}.", do="Give --zone instead.", file=program
         )
-    return found.tolist()
+    left_out = (
+        f"{counted(len(reasons), 'target')} cannot be reached and are left out of the zone: {reasons[0]}."
+    )
+    return units[within].tolist(), left_out if reasons else ""
 
 
 def _check_folder(folder: Path, cell: Cell, campaign: Campaign, *, simulate: bool) -> bool:
@@ -261,13 +285,13 @@ def _check_folder(folder: Path, cell: Cell, campaign: Campaign, *, simulate: boo
             f"--record {folder}: the folder above it does not exist", what_to_do="Make it first."
         )
     first = folder / "campaign1"
-    begun = (first / RECORD_FILE).is_file()
+    begun = is_begun(first)
     outputs = [*loop_results.FILES, CERTIFICATE, "data.csv", "data.toml"]
     if begun:
         note_if_others_read(first)
         with RecordStore.reading(first) as store:
             row = store.campaign
-        if (folder / loop_results.RESULT).is_file():
+        if (folder / loop_results.RESULT).is_file() and (folder / CERTIFICATE).is_file():
             raise RecordError(
                 f"{folder}: holds a finished calibration",
                 what_to_do="Give a new folder with --record to calibrate once more.",
@@ -288,7 +312,7 @@ def _check_folder(folder: Path, cell: Cell, campaign: Campaign, *, simulate: boo
 
 def created_or_continued(record: Path, cell: Cell, campaign: Campaign, simulated: bool) -> Run:
     """Create a run of the loop in its record, or open the one that an earlier program has begun."""
-    if not (record / RECORD_FILE).is_file():
+    if not is_begun(record):
         return Run.create(record, cell, campaign, simulated=simulated)
     run = Run.open(record)
     if run.status().state in ("paused", "stopped"):
@@ -296,10 +320,23 @@ def created_or_continued(record: Path, cell: Cell, campaign: Campaign, simulated
     return run
 
 
+def _begun_beside() -> None:
+    """Leave Ctrl-C to the program that began this process, and end with it, also when it is killed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = parent_process()
+    assert parent is not None
+
+    def follow() -> None:
+        parent.join()
+        os._exit(0)
+
+    threading.Thread(target=follow, daemon=True).start()
+
+
 @contextmanager
 def beside() -> Iterator[Begin]:
     """Yield a function that begins computations in another process, which starts with the first."""
-    workers = ProcessPoolExecutor(1, get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_IGN))
+    workers = ProcessPoolExecutor(1, get_context("spawn"), _begun_beside)
 
     def begin(function: Callable[[Path], _T], record_dir: Path, /) -> Future[_T]:
         return workers.submit(function, record_dir)
@@ -315,6 +352,6 @@ def terminal_confirmation(terminal: Terminal) -> Callable[[str], bool]:
 
     def confirm(motion: str) -> bool:
         terminal.rest()
-        return typer.confirm(f"The robot {motion}. Is everybody clear of it, and may it move?")
+        return typer.confirm(f"The robot {motion}. Is everybody clear of it, and may it move?", err=True)
 
     return confirm
