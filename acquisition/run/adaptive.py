@@ -240,6 +240,8 @@ def _next(
         later = design.best(MORE, taken)[1]
         if expected_mm(later) > (1.0 - WORTH) * expected_mm(design):
             ended = f"{MORE} more poses would lower the expected error by less than {WORTH:.0%}."
+    if not ended and pool.drawn - sum(i < pool.drawn for i in taken) < BATCH:
+        ended = "No further poses are left: table, boxes and joint limits leave few in this cell."
     if ended:
         return Look(replace(judged, ended=ended, poses_left=0, minutes_left=0.0))
     left, used, later = None, list(taken), design

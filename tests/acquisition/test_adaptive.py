@@ -16,7 +16,7 @@ from acquisition.campaign.campaign import campaign_from
 from acquisition.campaign.plan import Visit
 from acquisition.errors import UnsafePlan
 from acquisition.loop import calibration_campaign
-from acquisition.record import RecordStore
+from acquisition.record import Event, RecordStore
 from acquisition.run import adaptive
 from acquisition.run.adaptive import look_at
 from acquisition.run.duration import at_once
@@ -162,6 +162,43 @@ def test_a_batch_that_may_not_be_driven_is_not_begun(tmp_path: Path, monkeypatch
     assert outcome.state.value == "paused"
     assert "the elbow is in the table" in outcome.reason
     assert len([each for each in plan_of(folder) if each.kind == "pose"]) == 10  # the first batch alone
+
+
+@pytest.mark.parametrize("look", [1, 2])
+@pytest.mark.parametrize("kind", ["accuracy", "planned", "batch"])
+def test_a_program_that_dies_as_a_batch_joins_the_record_loses_nothing(
+    tmp_path: Path, undisturbed: Path, kind: str, look: int
+) -> None:
+    bench, folder, seen = Bench(a_cell()), tmp_path / "record", list[str]()
+
+    def dies(event: Event) -> None:
+        seen.append(event.kind)
+        if event.kind == kind and seen.count(kind) == look:
+            raise Crash
+
+    with Run.create(folder, bench.cell, a_campaign(), simulated=True) as run, pytest.raises(Crash):
+        run.execute(devices_of(bench), JumpingClock(), on_event=dies)
+    with Run.open(folder) as run:
+        run.resume()
+        assert run.execute(devices_of(bench), JumpingClock()).state.value == "succeeded"
+    again, planned = plan_of(folder), plan_of(undisturbed)
+    assert [each.number for each in again] == list(range(len(again)))
+    assert len({each.joints_deg for each in again if each.kind == "pose"}) == len(again) - 3
+    assert [each.joints_deg for each in again[:18]] == [each.joints_deg for each in planned[:18]]
+
+
+def test_a_cell_that_leaves_few_poses_ends_before_one_is_driven_twice(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("acquisition.campaign.blocks.adaptive._CANDIDATES", 32)
+    monkeypatch.setattr(adaptive, "WORTH", -1.0)
+    monkeypatch.setattr(adaptive, "SETTLED", 1000)
+    with measured(tmp_path / "record", a_campaign(accuracy_mm=0.001, most=100)) as run:
+        reached = run.status().accuracy
+    assert reached is not None
+    assert "No further poses" in reached["ended"]
+    poses = [each.joints_deg for each in plan_of(tmp_path / "record") if each.kind == "pose"]
+    assert len(set(poses)) == len(poses)
 
 
 def test_the_time_is_kept(tmp_path: Path) -> None:

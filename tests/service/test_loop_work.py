@@ -8,20 +8,20 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from acquisition import Campaign, LeaseDeadline, State
-from acquisition.loop import Compute, Equipment, LoopResult, Say
+from acquisition import Campaign, ExecutionOutcome, LeaseDeadline, State
+from acquisition.loop import Compute, Equipment, LoopEnded, LoopResult, Say
 from acquisition.loop.loop import measure
 from drivers import ConfigError
 from service.http.runs import loop_work
 from service.http.runs.loop_work import ABOUT, LoopStatus, LoopWork
 from service.http.runs.loops import CUT_OFF, LoopStore
-from service.http.runs.run_manager import RunManager
+from service.http.runs.run_manager import SERVICE_ENDS, RunManager
 from service.http.wire.problems import Problem
 from service.http.work import workers
 from service.http.work.datasets import DatasetStore
@@ -75,6 +75,25 @@ def stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Stage]:
     stage = Stage(tmp_path, monkeypatch)
     with closing(stage.workers), closing(stage.book):
         yield stage
+
+
+def test_a_service_that_ends_while_a_person_is_asked_is_the_reason(
+    stage: Stage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(globals(), "BEGUN", replace(BEGUN, outlook={"poses": 15}))
+    driven: list[str] = []
+
+    def scene(equipment: Equipment, campaign: Campaign, folder: Path, say: Say) -> None:
+        if not equipment.confirm("drives new poses"):
+            raise LoopEnded(ExecutionOutcome(State.PAUSED, "Nobody wanted it."))
+        driven.append("new poses")
+
+    work = stage.begin(scene)
+    until(lambda: work.document["state"] == "paused")
+    work.close()
+    until(lambda: work.document["state"] == "failed")
+    assert work.document["reason"] == SERVICE_ENDS
+    assert not driven
 
 
 def test_a_pause_between_two_runs_rests_before_the_next_moves(stage: Stage) -> None:

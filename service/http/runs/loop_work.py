@@ -170,8 +170,16 @@ class LoopWork:
             return self._lease.owner
 
     def _confirmed(self, motion: str) -> bool:
-        """Rest until a person lets the robot move."""
-        return self._rest(f"Next the robot {motion}. Resume to let it move.") is not None
+        """Rest until a person lets the robot move.
+
+        Raises
+        ------
+        LoopEnded
+            The loop ends meanwhile.
+        """
+        self._rest(f"Next the robot {motion}. Resume to let it move.")
+        self._checkpoint()  # an order that came meanwhile
+        return True
 
     def _resumed(self, run: Run, outcome: ExecutionOutcome) -> bool:
         self._book.not_begun()
