@@ -55,7 +55,7 @@ def test_no_file_is_longer_than_a_reader_has_patience() -> None:
     lines = {
         name: (REPO / name).read_bytes().count(b"\n")
         for name in named.stdout.split()
-        if (REPO / name).exists()
+        if (REPO / name).exists() and "static/vendor/" not in name  # libraries of others, as published
     }
     assert len(lines) > 1000
     assert {name: count for name, count in lines.items() if count > LONGEST} == {}

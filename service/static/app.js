@@ -1,27 +1,35 @@
-// The page: which view is shown under which address, what stands in its head, and keeping up with the service.
+// The page: which view is shown under which address, the strip and the rail, and keeping up with the service.
 
-import * as campaigns from "./campaigns.js";
-import * as cellView from "./cell.js";
+import * as check from "./check.js";
 import { Refusal, Silence, ask, clock, connection, enter, leave, signals } from "./connection.js";
-import { LEASE_S, desk, keep, looksOn, order, prolong, refresh, stop, trouble } from "./desk.js";
-import { $, fill, h, wait } from "./dom.js";
+import * as correct from "./correct.js";
+import * as data from "./data.js";
+import { LEASE_S, desk, keep, looksOn, order, prolong, refresh, resting, stop, trouble } from "./desk.js";
+import * as diagnose from "./diagnose.js";
+import { $, fill, h, icon, wait } from "./dom.js";
+import { closeControl, showControl } from "./lease.js";
+import * as measure from "./measure.js";
+import { closeAll } from "./menu.js";
+import * as prepare from "./prepare.js";
 import * as report from "./report.js";
-import * as result from "./result.js";
+import { STEPS, active, afresh, loopOf, road, showRail, walk } from "./road.js";
 import * as robot from "./robot.js";
 import * as robots from "./robots.js";
-import * as run from "./run.js";
 import { sign, state } from "./units.js";
+import * as verify from "./verify.js";
 import * as watch from "./watch.js";
 import { t } from "./words.js";
 
-const VIEWS = { cell: cellView, campaigns, run, result, report, robots, robot, watch }, BEAT_MS = 2000;
-let view = null, at = "", awake = () => {};
+const VIEWS = { prepare, check, measure, diagnose, correct, verify, data, report, robots, robot, watch }, BEAT_MS = 2000;
+const OLD = { cell: "prepare", campaigns: "check", run: "measure", result: "diagnose" };  // addresses that were sent and bookmarked
+let view = null, at = "", named = "", awake = () => {};
 
 // -- views ----------------------------------------------------------------------------------------------------
 
 const addressed = () => {
-  const [, name, id] = location.hash.match(/^#\/([a-z]+)(?:\/([0-9A-Za-z][0-9A-Za-z-]{0,63}))?$/) || [];  // an id leads nowhere else
-  return Object.hasOwn(VIEWS, name) ? { name, id: id || "" } : { name: !desk.cell ? "robots" : desk.cell.run_id || desk.cell.loop_id ? "run" : "cell", id: "" };
+  const [, name = "", id = ""] = location.hash.match(/^#\/([a-z]+)(?:\/([0-9A-Za-z][0-9A-Za-z-]{0,63}))?$/) || [];  // an id leads nowhere else
+  if (Object.hasOwn(OLD, name)) return { name: id ? OLD[name] : { campaigns: "prepare", result: "data" }[name] || OLD[name], id };
+  return Object.hasOwn(VIEWS, name) ? { name, id } : { name: !desk.cell ? "robots" : desk.cell.run_id ? "measure" : desk.cell.loop_id ? "diagnose" : "prepare", id: "" };
 };
 
 function go(again = false) {
@@ -30,17 +38,20 @@ function go(again = false) {
   if (here === at && !again) return;
   const before = at;
   if (view && view.close) view.close();
-  at = here; view = null;
+  closeAll(); closeControl();
+  at = here; named = name; view = null;
   const root = h("div", { className: "views" });
   $("desk").replaceChildren(root);
   view = VIEWS[name].open(root, id);
-  if (desk.cell) view.show();  // what is known already, who holds the lease for one, waits for no answer
-  for (const each of document.querySelectorAll("nav a")) each.toggleAttribute("aria-current", false);
-  const link = document.querySelector(`nav a[href="#/${["robot", "watch"].includes(name) ? "robots" : name}"]`);
-  if (link) link.setAttribute("aria-current", "page");
-  $("where").textContent = t(`view_of_${name}`);
-  if (before) { $("where").focus({ preventScroll: true }); scrollTo(0, 0); $("trouble").replaceChildren(); }
-  head();
+  if (desk.cell) view.show();  // what is known already, who is in control for one, waits for no answer
+  const place = { robot: "robots", watch: "robots" }[name] || name;
+  for (const each of document.querySelectorAll("#places a")) if (each.hash === `#/${place}`) each.setAttribute("aria-current", "page"); else each.removeAttribute("aria-current");
+  frame();
+  if (before) {
+    const title = $("title");
+    if (title) { title.tabIndex = -1; title.focus({ preventScroll: true }); }
+    scrollTo(0, 0); $("trouble").replaceChildren();
+  }
   look();
   if (connection.silent) past(root);
 }
@@ -51,19 +62,35 @@ function past(root) {
   lookAt(view).catch((error) => { if (error instanceof Silence) root.prepend(none); else failed(error); });
 }
 
-// -- the head -------------------------------------------------------------------------------------------------
+// -- the strip and the rail -----------------------------------------------------------------------------------
 
-function head() {
-  const { cell, busy, loop } = desk, { silent } = connection;
+// What a device does, as far as its run tells; `off`: nobody knows.
+function devices() {
+  const { cell, busy, loop } = desk, { silent } = connection, rests = resting(), fault = (busy || rests || {}).error, told = busy ? busy.state : "";
+  const one = (what, model, driver, ic, running) => {
+    const ill = fault && (fault.device === driver || fault.device === what);
+    const [kind, says] = silent ? ["off", t("dev_unknown")] : ill ? ["warn", fault.message] : told === "running" ? ["", running] : told === "waiting_for_operator" || told === "paused" ? ["", t("dev_still")] : rests ? [rests.state === "stopped" ? "bad" : "warn", state(rests.state)] : loop ? ["", t("dev_still")] : ["", t("dev_idle")];
+    return h("li", { className: `dev ${kind}` }, icon(kind === "off" ? "off" : kind ? "alert" : ic), h("span", { className: "t" }, h("span", { className: "k" }, t(what), h("span", { className: "model" }, ` ${model}`)), h("span", { className: "v" }, says)));
+  };
+  const air = busy && busy.last_reading && typeof busy.last_reading.t_air_c === "number" ? busy.last_reading.t_air_c : null;
+  return [one("robot", cell.robot, cell.robot_driver, "robot", t("dev_moving")), one("instrument", cell.instrument, cell.instrument_driver, "tracker", t("dev_measuring")),
+    air === null ? null : h("li", { className: "dev" }, icon("air"), h("span", { className: "t" }, h("span", { className: "k" }, t("air")), h("span", { className: "v" }, `${air.toFixed(1)} °C`)))];
+}
+
+function frame() {
+  const { cell, busy, loop } = desk, { silent } = connection, rests = resting();
+  showControl();
+  if (cell && !road.run && !road.job && (busy || loop) && !(busy && busy.dry_run)) walk({ run: busy, loop });
+  if (loop && road.run && loopOf(road.run.id) === loop.id) road.loop = loop;
+  if (busy && road.run && (busy.id === road.run.id || (loop && loopOf(road.run.id) === loop.id))) road.run = busy;
+  showRail(named);
   if (!cell) return;
+  const here = STEPS.includes(named) ? t(`view_of_${named}`) : t(`view_of_${{ robot: "robots", watch: "robots" }[named] || named}`), asks = busy && busy.prompt;
   $("cell").textContent = cell.name;
-  document.title = `${silent ? `${t("noConnection")} · ` : busy ? `${state(busy.state)} · ` : ""}${cell.name} · ${$("where").textContent}`;
+  document.title = `${silent ? `${t("noConnection")} · ` : asks ? `${t("asksYou")} · ` : busy ? `${state(busy.state)} · ` : ""}${here} · ${cell.name} · TruePose`;
   $("simulated").hidden = !cell.simulated;
   $("viewer").hidden = !looksOn();
-  const here = busy && at === `run/${busy.id}`, asks = busy && busy.prompt;
-  fill($("busy"), [busy && [busy.id, busy.state, busy.done, busy.total], loop && loop.step, Boolean(asks), here, silent], () => silent || here || !(busy || loop) ? []
-    : h("a", { href: busy ? `#/run/${busy.id}` : `#/result/${loop.id}`, className: asks ? "asks" : "" },
-      busy ? `${sign(busy.state)} ${asks ? t("asksYou") : state(busy.state)} · ${busy.done}/${busy.total}` : `${t("loop")}: ${loop.step}`));
+  fill($("devices"), [cell.robot, silent, busy && [busy.state, busy.error, busy.last_reading && busy.last_reading.t_air_c], rests && [rests.state, rests.error], Boolean(loop)], devices);
 }
 
 function words() {
@@ -73,14 +100,14 @@ function words() {
 
 function silence() {
   const { silent, unstopped, heardAt } = connection, here = document.activeElement, inside = $("desk").contains(here);
-  $("desk").inert = silent;
+  $("desk").inert = silent; $("pop").inert = silent;
   if (silent) silence.focus = silence.focus || (inside ? here : null);
   else if (silence.focus) { silence.focus.focus(); silence.focus = null; }
   document.body.classList.toggle("silent", silent);
   $("silence").hidden = !silent && !unstopped;
   $("alarm").textContent = silent ? t("notStopped") : unstopped ? t("notStoppedYet") : "";
   $("since").textContent = silent && heardAt ? t("asItWas", { time: clock(heardAt) }) : "";
-  head();
+  frame();
   if (view) view.show();
 }
 
@@ -90,9 +117,10 @@ function look() { awake(); }  // now, rather than at the next beat
 
 desk.look = async () => {
   await refresh();
-  head();
+  frame();
   if (!at || !location.hash) go(!at);  // who has chosen no view is shown the run that begins
   if (view) await lookAt(view);
+  frame();
 };
 
 // One look at a view at a time; who asks during one gets the next, which all share who ask meanwhile. A plan may take
@@ -130,7 +158,8 @@ async function beat() { for (; ; await wait(LEASE_S * 1000 / 3)) await prolong()
 
 function begin() {
   const known = Boolean(connection.token);
-  $("door").hidden = known; $("desk").hidden = !known; $("views").hidden = !known;
+  $("door").hidden = known;
+  for (const each of ["desk", "rail", "places", "out"]) $(each).hidden = !known;
   if (known) keepUp(); else $("token").focus();
 }
 
@@ -151,8 +180,8 @@ signals.addEventListener("left", () => {
   keep(null);
   if (view && view.close) view.close();
   Object.assign(desk, { cell: null, busy: null, last: null, loop: null, draft: null });
-  view = null; at = "";
-  $("desk").replaceChildren(); $("busy").replaceChildren();
+  view = null; at = ""; afresh();
+  $("desk").replaceChildren(); $("control").hidden = true; $("devices").replaceChildren();
   begin();
 });
 $("door").addEventListener("submit", (event) => {
@@ -168,7 +197,13 @@ addEventListener("hashchange", () => go());
 addEventListener("offline", look);
 document.addEventListener("visibilitychange", look);  // a window that slept shows the past
 document.addEventListener("keydown", (event) => {
-  if (event.key === "Escape") { event.preventDefault(); if (!event.repeat) stopNow(); }
+  if (event.key === "Escape") {  // it stops, whatever lies over the page; where nothing moves it only closes that
+    event.preventDefault();
+    const closed = [closeAll(), closeControl()].some(Boolean);
+    if (!event.repeat && !(closed && !desk.busy && !desk.loop && desk.cell && !connection.silent)) stopNow();
+  }
   else if (event.repeat && event.target.closest("button")) event.preventDefault();  // a key held down presses once
 });
+$("skip").addEventListener("click", (event) => { event.preventDefault(); $("main").focus(); });
+$("stop").append(icon("stop"), h("span", { className: "long" }, t("stop")), h("span", { className: "short" }, t("stopShort")), h("kbd", {}, "Esc"));
 words(); begin(); beat();

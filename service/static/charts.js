@@ -1,70 +1,114 @@
-// Strips over time: the drift of the reference pose and the errors of readings, each with its limit and from nought.
+// Charts by uPlot: points and lines over a number or over time, with limits, hover and a click; and bars in HTML.
 
-import { clock } from "./connection.js";
-import { svg } from "./dom.js";
+import { h } from "./dom.js";
+import uPlot from "./vendor/uPlot.esm.js";
 import { number } from "./units.js";
-import { t } from "./words.js";
 
-const H = 210, L = 74, B = 30, R = 14, LINE = 19, LETTER = 6.6, SHORT_MS = 600000;  // LETTER: of 12 px, on the wide side
-// Series are told apart by the shape of their points as well as by colour.
-const LOOKS = [["#1a5fb4", "circle"], ["#9a4a10", "square"], ["#17633a", "diamond"], ["#74398f", "cross"]];
+const NEAR_PX = 22, FONT = "13px system-ui, sans-serif";
+const token = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 
-function point(shape, x, y, fill) {
-  if (shape === "square") return svg("rect", { x: x - 3, y: y - 3, width: 6, height: 6, fill });
-  if (shape === "diamond") return svg("path", { d: `M${x} ${y - 4.5}L${x + 4.5} ${y}L${x} ${y + 4.5}L${x - 4.5} ${y}Z`, fill });
-  if (shape === "cross") return svg("path", { d: `M${x - 3.5} ${y - 3.5}l7 7M${x + 3.5} ${y - 3.5}l-7 7`, stroke: fill, "stroke-width": 2 });
-  return svg("circle", { cx: x, cy: y, r: 3.2, fill });
+// A point shape besides a circle, since colour alone tells nothing.
+function squares(u, i) {
+  const path = new Path2D(), side = 7 * devicePixelRatio, [xs, ys] = [u.data[0], u.data[i]];
+  xs.forEach((x, k) => { if (ys[k] !== null && ys[k] !== undefined) path.rect(u.valToPos(x, "x", true) - side / 2, u.valToPos(ys[k], "y", true) - side / 2, side, side); });
+  return { fill: path, stroke: path };
 }
 
-// What stands above a plot of width W: [{at, line, mark, words}], as many lines as its words need.
-function legendOf(entries, W) {
-  const start = W < 500 ? 0 : L;  // on a telephone every letter counts
-  let at = start, line = 0;
-  return entries.map(([mark, words]) => {
-    const wide = 34 + LETTER * words.length;
-    if (at > start && at + wide > W) { at = start; line += 1; }
-    const placed = { at: at + 12, line, mark, words };
-    at += wide;
-    return placed;
-  });
-}
-
-// A strip of `series` {name: [{utc, y}]}, mm, with one nought and scale for all; `limit` {mm, words} is drawn and said.
-// All words stand outside the plot, where no curve crosses them.
-export function strip(target, series, { limit, name, joined = true }) {
-  const W = Math.max(target.clientWidth || 480, 280), all = Object.values(series).flat();
-  const most = Math.max(0.01, limit ? limit.mm * 1.15 : 0, ...all.map((each) => each.y * 1.1));
-  const looks = Object.keys(series).map((each, i) => [LOOKS[i % LOOKS.length], each]);
-  const legend = legendOf([...looks, ...(limit ? [[null, limit.words]] : [])], W), T = 14 + LINE * (legend.length ? legend.at(-1).line + 1 : 0);
-  const times = all.map((each) => new Date(each.utc).getTime()), first = Math.min(...times), last = Math.max(first + 1000, ...times);
-  const x = (utc) => L + (W - L - R) * (new Date(utc).getTime() - first) / (last - first), y = (value) => H - B - (H - B - T) * value / most;
-  const label = (at, height, anchor, words) => svg("text", { x: at, y: height, "text-anchor": anchor }, words);
-  const parts = [svg("path", { d: `M${L} ${T}V${H - B}H${W - R}`, class: "axis" }), label(L - 8, T + 5, "end", `${number(most)} mm`), label(L - 8, H - B + 4, "end", "0 mm")];
-  const digits = last - first < SHORT_MS ? 8 : 5;  // with seconds, or without
-  if (all.length) parts.push(label(L, H - 9, "start", clock(new Date(first), digits)), label(W - R, H - 9, "end", clock(new Date(last), digits)));
-  else parts.push(label((L + W) / 2, (T + H - B) / 2 + 4, "middle", t("noneYet")));
-  if (limit) parts.push(svg("line", { x1: L, x2: W - R, y1: y(limit.mm), y2: y(limit.mm), class: "limit" }));
-  Object.values(series).forEach((own, i) => {
-    const [colour, shape] = looks[i][0], places = own.map((one) => [x(one.utc), y(one.y)]);
-    if (joined) parts.push(svg("polyline", { points: places.map((p) => p.map((v) => v.toFixed(1)).join()).join(" "), fill: "none", stroke: colour, "stroke-width": 1.5 }));
-    parts.push(...places.map(([a, b]) => point(shape, a, b, colour)));
-  });
-  for (const { at, line, mark, words } of legend) {
-    const height = 10 + LINE * line;
-    parts.push(mark ? point(mark[1], at, height, mark[0]) : svg("line", { x1: at - 10, x2: at + 6, y1: height, y2: height, class: "limit" }), label(at + 10, height + 4, "start", words));
+// Upright bars of ±u around the values of the first series.
+function whiskers(u, points) {
+  u.ctx.save();
+  u.ctx.strokeStyle = token("mark"); u.ctx.lineWidth = 1.5 * devicePixelRatio;
+  for (const each of points) if (each.u) {
+    const x = u.valToPos(each.x, "x", true);
+    u.ctx.beginPath(); u.ctx.moveTo(x, u.valToPos(each.y - each.u, "y", true)); u.ctx.lineTo(x, u.valToPos(each.y + each.u, "y", true)); u.ctx.stroke();
   }
-  target.setAttribute("viewBox", `0 0 ${W} ${H}`);
-  target.setAttribute("aria-label", name);
-  target.replaceChildren(...parts);
+  u.ctx.restore();
 }
 
-// Horizontal bars of one scale for all, `rows` [[name, value mm, words]].
+// A figure with `set(spec)`: {series: [{name, points: [{x, y, u, id, tip}], kind: line | dash | steps | dots | squares, colour}], limit: {y, words},
+// x: {time}, y: {from}, chosen, says}. `pick(id)`: a point was clicked; `bare`: without the axis of x.
+export function chart(name, { pick = null, height = 210, className = "", bare = false } = {}) {
+  const place = h("div", { className: "chart", role: "img", ariaLabel: name }), tip = h("div", { className: "tip", hidden: true }), key = h("ul", { className: "key" }), figure = h("figure", { className: `plot ${className}` }, key, h("div", { className: "stage" }, place, tip));
+  let spec = { series: [] }, plot = null;
+
+  function draw() {
+    const width = Math.max(200, place.clientWidth || 0);
+    if (!place.clientWidth || !figure.isConnected) return;
+    if (plot) plot.destroy();
+    place.replaceChildren();
+    const { series, limit, x = {}, y = {} } = spec, all = series.flatMap((each) => each.points), ink = token("ink-3"), rule = token("line");
+    const tables = series.map((each) => [each.points.map((p) => p.x), each.points.map((p) => p.y)]);
+    const data = tables.length > 1 ? uPlot.join(tables) : tables[0] || [[], []];
+    const tops = all.flatMap((p) => [p.y - (p.u || 0), p.y + (p.u || 0)]).concat(limit ? [limit.y] : []), high = Math.max(...tops, y.from === 0 ? 0.01 : -Infinity), low = y.from === 0 ? 0 : Math.min(...tops), room = 0.08 * (high - low || Math.abs(high) || 1);
+    const xs = all.map((p) => p.x), [first, last] = xs.length ? [Math.min(...xs), Math.max(...xs)] : [0, 1], side = 0.03 * (last - first) || (x.time ? 60 : 1);
+    const axis = { stroke: ink, font: FONT, grid: { stroke: rule, width: 1 }, ticks: { stroke: rule } };
+    plot = new uPlot({
+      width, height, legend: { show: false }, padding: [12, 12, 0, 0],
+      cursor: { y: false, drag: { x: false, y: false }, points: { show: false } },
+      scales: { x: { time: Boolean(x.time), range: [first - side, last + side] }, y: { range: tops.length ? [y.from === 0 ? 0 : low - room, high + room] : [0, 1] } },
+      axes: [{ ...axis, show: !bare, size: 32, space: 70, ...(x.time ? { values: x.time } : {}) }, { ...axis, size: 58, space: 38 }],
+      series: [{}, ...series.map(({ kind = "line", colour = "before" }) => {
+        const stroke = token(colour), points = { show: kind === "dots" || kind === "line", size: kind === "line" ? 4 : 7, fill: stroke, stroke };
+        return kind === "squares" ? { stroke, fill: stroke, paths: squares, points: { show: false } }
+          : { stroke, width: kind === "steps" || kind === "dash" ? 1.5 : 2, dash: ["dash", "steps"].includes(kind) ? [4, 5] : undefined, spanGaps: kind !== "dots", points,
+            paths: kind === "dots" ? () => null : kind === "steps" ? uPlot.paths.stepped({ align: 1 }) : undefined };
+      })],
+      hooks: {
+        draw: [(u) => {
+          if (series[0]) whiskers(u, series[0].points);
+          const ratio = devicePixelRatio;
+          if (limit) {
+            const at = u.valToPos(limit.y, "y", true);
+            u.ctx.save(); u.ctx.strokeStyle = token("ink"); u.ctx.setLineDash([7 * ratio, 4 * ratio]); u.ctx.lineWidth = 1.4 * ratio;
+            u.ctx.beginPath(); u.ctx.moveTo(u.bbox.left, at); u.ctx.lineTo(u.bbox.left + u.bbox.width, at); u.ctx.stroke(); u.ctx.restore();
+          }
+          for (const p of all) if (p.signal || (p.id !== undefined && p.id === spec.chosen)) {
+            u.ctx.save(); u.ctx.strokeStyle = token(p.signal ? "stop-text" : "ink"); u.ctx.lineWidth = 3 * ratio;
+            u.ctx.beginPath(); u.ctx.arc(u.valToPos(p.x, "x", true), u.valToPos(p.y, "y", true), 9 * ratio, 0, 2 * Math.PI); u.ctx.stroke(); u.ctx.restore();
+          }
+        }],
+      },
+    }, data, place);
+  }
+
+  function nearest(event) {
+    if (!plot) return null;
+    const at = plot.over.getBoundingClientRect(), [x, y] = [event.clientX - at.left, event.clientY - at.top];
+    let best = null, least = NEAR_PX;
+    for (const each of spec.series.flatMap((one) => one.points)) {
+      const away = Math.hypot(plot.valToPos(each.x, "x") - x, plot.valToPos(each.y, "y") - y);
+      if (away < least) { least = away; best = each; }
+    }
+    return best;
+  }
+
+  place.addEventListener("pointermove", (event) => {
+    const found = nearest(event), at = place.getBoundingClientRect();
+    tip.hidden = !found; place.classList.toggle("over", Boolean(found && pick));
+    if (found) { tip.textContent = found.tip || number(found.y); tip.style.left = `${Math.max(4, Math.min(event.clientX - at.left + 12, at.width - 190))}px`; tip.style.top = `${Math.max(0, event.clientY - at.top - 44)}px`; }
+  });
+  place.addEventListener("pointerleave", () => { tip.hidden = true; });
+  place.addEventListener("click", (event) => { const found = pick && nearest(event); if (found && found.id !== undefined) pick(found.id); });
+  new ResizeObserver(draw).observe(place);
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
+  figure.set = (shown) => {
+    spec = shown;
+    figure.dataset.points = String(shown.series.reduce((sum, each) => sum + each.points.length, 0));
+    place.setAttribute("aria-label", shown.says || name);
+    const entry = (kind, colour, words) => h("li", { className: `${kind} ${colour}` }, words);
+    key.replaceChildren(...shown.series.filter((each) => each.name).map((each) => entry(each.kind || "line", each.colour || "before", each.name)), ...(shown.limit ? [entry("dash", "limit", shown.limit.words)] : []));
+    place.style.height = `${height}px`;
+    draw();
+  };
+  return figure;
+}
+
+// Horizontal bars of one scale for all, `rows` [[name, value mm, words, class]].
 export function bars(name, rows) {
-  const W = innerWidth < 700 ? 340 : 640, row = 34, most = Math.max(1e-6, ...rows.map(([, value]) => value || 0));
-  return svg("svg", { viewBox: `0 0 ${W} ${row * rows.length}`, role: "img", "aria-label": `${name}: ${rows.map(([each, , words]) => `${each} ${words}`).join("; ")}`, class: "bars" },
-    rows.flatMap(([each, value, words], i) => [
-      svg("rect", { x: 0, y: i * row + 17, width: W * 0.8, height: 11, class: "back" }),
-      svg("rect", { x: 0, y: i * row + 17, width: Math.max(2, W * 0.8 * (value || 0) / most), height: 11, class: "bar" }),
-      svg("text", { x: 0, y: i * row + 12 }, each), svg("text", { x: W, y: i * row + 27, "text-anchor": "end", class: "strong" }, words),
-    ]));
+  const most = Math.max(1e-6, ...rows.map(([, value]) => value || 0));
+  return h("ol", { className: "ladder", ariaLabel: name }, rows.map(([each, value, words, kind]) => {
+    const bar = h("i", { className: kind });
+    bar.style.width = `${Math.max(0.6, 100 * (value || 0) / most)}%`;
+    return h("li", {}, h("span", { className: "name" }, each), h("span", { className: "track" }, bar), h("span", { className: "val" }, words));
+  }));
 }

@@ -23,7 +23,7 @@ function summary({ kind, data }) {
 
 // A list with `add(events)` and `warmingUntil()`.
 export function eventList() {
-  const list = h("ol", { id: "events", tabIndex: 0, ariaLabel: t("events") });
+  const list = h("ol", { id: "events", className: "log", tabIndex: 0, ariaLabel: t("events") });
   let until = null;
   list.add = (events) => {
     for (const { kind, data, utc, t_s: at } of events) {

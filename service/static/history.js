@@ -20,9 +20,12 @@ export function withU(value, u, unit = "") {
   return minus(unit ? `${text} ${unit}` : text);
 }
 
+// What was said of a robot last, by a watch or by a diagnosis: the list says the same as the newest result.
+export const lastSaid = ({ watched, diagnosed }) => (watched && diagnosed ? (watched.measured >= diagnosed.measured ? watched : diagnosed) : watched || diagnosed);
+
 // A cause as the operator knows it; the label of one that has no words here.
 export function causeName(label) {
-  const [, kind, joint] = label.match(/^([a-z_]+)(?::j(\d+))?$/) || [];
+  const [, kind, joint] = label.match(/^([a-z_]+)(?::j(\d+))?/) || [];
   return KEYS.includes(`cause_${kind}`) ? t(`cause_${kind}`, { joint }) : label;
 }
 
@@ -31,6 +34,6 @@ export const causeOf = (cause) => [causeName(cause.label), typeof cause.value ==
 
 // The date of the next check: a sign and a word where it has passed, and why there is none.
 export function dueOf(due) {
-  if (!due.date) return h("span", { className: "dim" }, t("noDate"));
+  if (!due.date) return h("span", { className: "sub" }, t("noDate"));
   return h("span", { className: due.overdue ? "overdue" : "" }, due.overdue ? `⚠ ${t("overdueSince", { date: day(due.date) })}` : day(due.date));
 }

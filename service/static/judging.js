@@ -20,7 +20,7 @@ export function planForm(baseline) {
       const job = await ask("POST", "/watch-plans", { ...baseline(), poses: Number(poses.value), visits: Number(visits.value) || null, readings: Number(readings.value) || null, targets: names, new_frame: frame.checked }, key());
       location.hash = `#/watch/${job.id}`;
     });
-  } } }, h("label", {}, t("checkPoses"), poses), h("label", {}, t("visitsOrEnough"), visits), h("label", {}, t("readingsOrEnough"), readings), h("label", {}, t("targetsOrAll"), targets), h("label", { className: "check" }, frame, t("newFrame")), h("button", {}, t("planWatch")));
+  } } }, h("label", { className: "field" }, h("span", {}, t("checkPoses")), poses), h("label", { className: "field" }, h("span", {}, t("visitsOrEnough")), visits), h("label", { className: "field" }, h("span", {}, t("readingsOrEnough")), readings), h("label", { className: "field" }, h("span", {}, t("targetsOrAll")), targets), h("label", { className: "check" }, frame, t("newFrame")), h("button", { className: "btn" }, t("planWatch")));
 }
 
 // A form with `look()`, which offers the newest data sets and runs.
@@ -33,8 +33,8 @@ export function judgeForm(baseline) {
     const job = await ask("POST", `/${collection}`, { ...baseline(), [kind]: id, allow_missing: missing.checked, ...more }, key());
     location.hash = `#/watch/${job.id}`;
   });
-  const form = h("form", { className: "form", id: "judge", on: { submit: (event) => { event.preventDefault(); send("watches"); } } }, h("label", {}, t("readingsOf"), which), h("label", {}, t("runningSince"), running),
-    h("label", { className: "check" }, frame, t("newFrame")), h("label", { className: "check" }, missing, t("allowMissing")), h("button", {}, t("judge")), h("button", { type: "button", on: { click: () => send("upkeeps") } }, t("upkeep")));
+  const form = h("form", { className: "form", id: "judge", on: { submit: (event) => { event.preventDefault(); send("watches"); } } }, h("label", { className: "field" }, h("span", {}, t("readingsOf")), which), h("label", { className: "field" }, h("span", {}, t("runningSince")), running),
+    h("label", { className: "check" }, frame, t("newFrame")), h("label", { className: "check" }, missing, t("allowMissing")), h("button", { className: "btn" }, t("judge")), h("button", { type: "button", className: "btn", on: { click: () => send("upkeeps") } }, t("upkeep")));
   form.look = async () => {
     const [{ datasets }, { runs }] = await Promise.all([ask("GET", "/datasets"), ask("GET", "/runs")]);
     const done = runs.filter((each) => each.state === "succeeded" && !each.dry_run && !datasets.some((data) => data.run_id === each.id));

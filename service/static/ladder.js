@@ -18,10 +18,15 @@ export function errorsOf(job) {
   return { first: held.length ? held[0][1].rms : null, last: held.length ? held.at(-1)[1].rms : null };
 }
 
+const KINDS = ["before", "between", "after"];
+
 export function ladder(job) {
   const rows = rungs(job);
-  if (!rows.length) return h("p", {}, t("nothingHeldOut"));
-  const figure = (errors, name) => numeric(number(errors[name]));
-  return h("div", {}, bars(t("ladder"), rows.map(([name, errors]) => [name, errors.rms, `${number(errors.rms)} mm`])),
-    table(t("ladderCaption"), [t("model"), "n", t("mean"), "RMS", "95 %", t("most")], rows.map(([name, errors]) => [name, numeric(String(errors.n)), figure(errors, "mean"), figure(errors, "rms"), figure(errors, "p95"), figure(errors, "max")])));
+  return rows.length ? bars(t("ladder"), rows.map(([name, errors], i) => [name, errors.rms, `${number(errors.rms)} mm`, name === t("rungUncorrected") ? "before" : KINDS[Math.min(i, 2)]])) : h("p", {}, t("nothingHeldOut"));
+}
+
+// All figures of the ladder, as a table.
+export function errorTable(job) {
+  const rows = rungs(job), figure = (errors, name) => numeric(number(errors[name]));
+  return table(t("ladderCaption"), [t("model"), "n", t("mean"), "RMS", "95 %", t("most")], rows.map(([name, errors]) => [name, numeric(String(errors.n)), figure(errors, "mean"), figure(errors, "rms"), figure(errors, "p95"), figure(errors, "max")]));
 }

@@ -1,8 +1,6 @@
-// A plan as a picture, in figures and as a list: poses, paths, boxes and time.
+// The poses of a plan as marks in space, with what became of each.
 
 import { h } from "./dom.js";
-import { scenePicture } from "./scene.js";
-import { duration } from "./units.js";
 import { t } from "./words.js";
 
 export const status = (visit) => {
@@ -10,26 +8,22 @@ export const status = (visit) => {
   return all.every((each) => each === "measured") ? "measured" : all.some((each) => each === "measured") ? "begun" : all.every((each) => each === "skipped") ? "skipped" : all.includes("deferred") ? "deferred" : "planned";
 };
 
-// The marks of a plan: every visit where its first target should be.
-export function marks(plan, now = null) {
+// The poses of a plan, each as its visits: with one SMR a pose is visited once for every target.
+export function posesOf(plan) {
+  const poses = new Map();
+  for (const visit of plan.visits.filter((each) => each.kind === "pose" && each.set !== "reference")) {
+    const key = JSON.stringify([visit.set, visit.joints_deg]);
+    poses.set(key, [...(poses.get(key) || []), visit]);
+  }
+  return [...poses.values()];
+}
+
+// The marks of a plan: every visit where its first target should be. `now`: the visit in hand; `chosen`: the one that was picked.
+export function marks(plan, now = null, chosen = null) {
   return plan.visits.filter((visit) => visit.kind === "pose" && visit.readings[0].expected_mm).map((visit) => {
-    const here = visit.number === now;
-    return { at: visit.readings[0].expected_mm, square: visit.set === "validation", shape: here ? "now" : status(visit) === "begun" ? "measured" : status(visit), label: here ? visit.name : "" };
+    const here = visit.number === now, is = status(visit);
+    return { at: visit.readings[0].expected_mm, square: visit.set === "validation", shape: here ? "now" : is === "begun" ? "measured" : is, label: visit.name, id: visit.number, tip: `${visit.number}: ${visit.name} (${t(here ? "inHand" : is)})`, chosen: visit.number === chosen };
   });
 }
 
-export function planPicture() {
-  const picture = scenePicture(t("planPicture")), facts = h("dl", { className: "facts" });
-  const whole = h("div", {}, facts, picture, legend());
-  const fact = (name, value) => h("div", {}, h("dt", {}, name), h("dd", {}, value));
-  whole.show = (plan, scene) => {
-    const posed = plan.visits.filter((visit) => visit.kind === "pose"), readings = plan.visits.filter((each) => each.seconds !== null).flatMap((each) => each.readings);
-    facts.replaceChildren(fact(t("poses"), String(posed.length)), fact(t("readings"), String(readings.length)), fact(t("time"), duration(plan.seconds)),
-      fact(t("overHome"), plan.detours === null ? t("notLooked") : String(plan.detours)));
-    picture.show({ ...scene, path_mm: plan.path_mm, marks: marks(plan), described: t("planDescribed", { poses: posed.length, boxes: scene.obstacles.length }) });
-  };
-  whole.clear = () => { facts.replaceChildren(); picture.show({}); };
-  return whole;
-}
-
-export const legend = () => h("p", { className: "dim legend" }, `○ ${t("planned")} · ● ${t("measured")} · ■ ${t("validation")} · ✕ ${t("skipped")} · ◎ ${t("inHand")} · ┄ ${t("way")}`);
+export const legend = () => h("p", { className: "sub legend" }, `○ ${t("planned")} · ● ${t("measured")} · ■ ${t("validation")} · ✕ ${t("skipped")} · ◎ ${t("inHand")}`);

@@ -11,7 +11,7 @@ const signed = (x) => String(x).replace("-", "−");
 // A section with `look()`; hidden in a service without a cell.
 export function posture() {
   const picture = scenePicture(t("robotPicture")), sliders = h("div", { className: "sliders" }), head = h("h2", {}, t("robot"));
-  const whole = h("section", { className: "wide halves", hidden: true }, h("div", {}, head, picture), h("div", {}, h("h2", {}, t("posture")), h("p", { className: "dim" }, t("postureHint")), sliders));
+  const whole = h("section", { className: "card halves", hidden: true }, h("div", {}, head, picture), h("div", {}, h("h2", {}, t("posture")), h("p", { className: "sub" }, t("postureHint")), sliders));
   let scene = null, latest = 0;
   const pose = async (joints) => {
     const mine = (latest += 1), made = await reckoned(`/cell/scene?joints_deg=${joints.join(",")}`);

@@ -2,32 +2,35 @@
 
 import { ask, connection } from "./connection.js";
 import { desk, looksOn, moving, order } from "./desk.js";
-import { h } from "./dom.js";
+import { fold, h, icon } from "./dom.js";
 import { promptPicture, promptWords } from "./pictures.js";
-import { t } from "./words.js";
+import { KEYS, t } from "./words.js";
 
 const ARMED_MS = 1500, NOT_ASKED = 3020, VERBS = ["confirm", "redo", "skip", "pause", "abort"];
 
-// A card with `show(run, scene)`. The buttons take no answer before the question can have been read: a click may have
-// been meant for the one before.
-export function promptCard() {
+// A card with `show(run, scene)` and `answer(verb, reason)`; `end()` asks once more before the campaign is ended. The buttons
+// take no answer before the question can have been read: a click may have been meant for the one before.
+export function promptCard(end) {
   let asked = "", armed = "", run = null, drawn = null;
-  const question = h("p", { id: "question" }), original = h("p", { id: "original", className: "dim" }), arming = h("p", { id: "arming", className: "dim" });
+  const question = h("p", { id: "question", className: "question" }), original = h("p", { id: "original", className: "sub" }), arming = h("p", { id: "arming", className: "sub", role: "status" });
   const picture = h("div", { className: "prompt-side" }), reason = h("input", { id: "reason", maxLength: 500, size: 30 });
   const shown = h("p", { id: "shown" }), typed = h("textarea", { id: "typed", rows: 2, maxLength: 2000, spellcheck: false, autocomplete: "off" });
   const entryName = h("span", {}), stopless = h("p", { id: "stopless", className: "warn" });
   const entry = h("div", { id: "entry", hidden: true }, shown, stopless, h("label", {}, entryName, typed));
-  const buttons = VERBS.map((verb) => h("button", { type: "button", id: verb === "pause" ? "answer_pause" : verb, "data-answer": verb, on: { click: () => order(() => answer(verb)) } }, t(`answer_${verb}`)));
-  const card = h("section", { id: "asking", className: "wide", tabIndex: -1, ariaLive: "assertive", ariaLabel: t("asks"), hidden: true },
-    h("div", { className: "prompt-words" }, h("h2", {}, t("asks")), question, original, entry, arming,
-      h("div", { className: "row" }, buttons), h("label", { className: "row" }, t("reason"), " ", reason)), picture);
+  const looksOf = { confirm: "primary huge", skip: "huge", pause: "huge", abort: "danger-quiet" };
+  const buttons = VERBS.map((verb) => h("button", { type: "button", className: `btn ${looksOf[verb] || ""}`, id: verb === "pause" ? "answer_pause" : verb, "data-answer": verb, on: { click: () => (verb === "abort" ? armed && end() : order(() => answer(verb))) } }, t(`answer_${verb}`)));
+  const rare = ["redo", "abort"], often = buttons.filter((each) => !rare.includes(each.dataset.answer));
+  const wrong = fold(t("somethingWrong"), "", h("label", { className: "field" }, h("span", {}, t("reasonKept")), reason), h("div", { className: "row" }, buttons.filter((each) => rare.includes(each.dataset.answer))));
+  const card = h("section", { id: "asking", className: "prompt", tabIndex: -1, ariaLive: "assertive", ariaLabel: t("asks"), hidden: true },
+    h("div", { className: "prompt-words" }, h("p", { className: "eyebrow" }, icon("user"), t("asks")), h("h2", { id: "question-head", className: "gone" }, t("asks")), question, original, entry,
+      h("div", { className: "answers" }, often), arming, wrong), picture);
 
-  async function answer(verb) {
+  async function answer(verb, because = reason.value) {
     const id = armed;
     if (verb === "confirm" && run.prompt && run.prompt.entry && run.prompt.entry.needed && !typed.value.trim()) { typed.focus(); return; }
     if (!id) return;  // not armed yet, or answered: a second click is no second answer
     armed = ""; dress();
-    try { await ask("POST", `/runs/${run.id}/prompts/${id}/${verb}`, answered(verb), moving()); }
+    try { await ask("POST", `/runs/${run.id}/prompts/${id}/${verb}`, answered(verb, because), moving()); }
     catch (error) {
       const late = error.code === NOT_ASKED;
       if (late && verb !== "abort") { card.dispatchEvent(new CustomEvent("late")); return; }
@@ -36,8 +39,10 @@ export function promptCard() {
     }
   }
 
+  // What is confirmed, in the words of the question.
+  const confirmWords = (prompt) => { const [what, one, other] = (prompt.picture || "").split("/again/")[0].split("/"); return KEYS.includes(`done_${what}`) ? t(`done_${what}`, { one, other }) : t("answer_confirm"); };
   // What is typed goes with confirm alone; Enter types another row, so that a pasted one answers nothing by itself.
-  const answered = (verb) => ({ reason: reason.value, ...(verb === "confirm" && run.prompt && run.prompt.entry && typed.value.trim() ? { typed: typed.value } : {}) });
+  const answered = (verb, because) => ({ reason: because, ...(verb === "confirm" && run.prompt && run.prompt.entry && typed.value.trim() ? { typed: typed.value } : {}) });
 
   function askNumbers(numbers, already, drives) {
     entry.hidden = !numbers;
@@ -54,6 +59,7 @@ export function promptCard() {
     if (!prompt) return;
     arming.textContent = looksOn() ? t("operatorAnswers") : armed ? "" : t("arming");
     for (const each of buttons) {
+      if (each.id === "confirm") each.textContent = confirmWords(prompt);
       if (each.id === "redo") each.textContent = t((prompt.picture || "").startsWith("moved/") ? "answer_redo_since" : "answer_redo");
       each.hidden = !prompt.expects.includes(each.dataset.answer); each.disabled = connection.silent || looksOn();
       const empty = Boolean(each.id === "confirm" && prompt.entry && prompt.entry.needed && !typed.value.trim());
@@ -68,6 +74,7 @@ export function promptCard() {
   typed.addEventListener("input", () => { keepDraft(); dress(); });
   reason.addEventListener("input", keepDraft);
 
+  card.answer = answer;
   card.show = (of, scene) => {
     run = of;
     const prompt = run && run.prompt;
@@ -76,7 +83,7 @@ export function promptCard() {
     const fresh = asked !== prompt.id;
     if (fresh) {
       const mine = promptWords(prompt);  // short; the service says it with all figures
-      asked = prompt.id; armed = ""; reason.value = draftOf(prompt).reason;
+      asked = prompt.id; armed = ""; reason.value = draftOf(prompt).reason; wrong.open = Boolean(reason.value);
       question.textContent = mine || prompt.text;
       original.textContent = mine && mine !== prompt.text ? prompt.text : "";
       askNumbers(prompt.entry, draftOf(prompt).typed, /^(drive|pendant)/.test(prompt.picture || ""));

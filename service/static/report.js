@@ -2,7 +2,7 @@
 
 import { Silence, ask, save, text } from "./connection.js";
 import { order } from "./desk.js";
-import { button, fill, h } from "./dom.js";
+import { button, card, fill, footBar, h, head } from "./dom.js";
 import { moment, state } from "./units.js";
 import { t } from "./words.js";
 
@@ -12,7 +12,7 @@ export const open = (root, id) => (id ? one(root, id) : all(root));
 
 function all(root) {
   const list = h("ul", { className: "list", ariaLabel: t("reports") });
-  root.append(h("section", { className: "wide" }, h("h2", {}, t("reports")), list));
+  root.append(head("", h("h1", { id: "title" }, t("reports"))), card("", list));
   const look = async () => {
     const [{ datasets }, { loops }] = await Promise.all([ask("GET", "/datasets"), ask("GET", "/loops")]);
     const jobs = (await Promise.all(datasets.slice(0, MOST).map(async (data) => (await ask("GET", `/datasets/${data.id}/jobs`)).jobs.map((job) => ({ name: data.name, ...job }))))).flat();
@@ -24,8 +24,9 @@ function all(root) {
 
 function one(root, id) {
   const place = h("div", { id: "report", role: "document", ariaLabel: t("report") }), says = h("p", { role: "status" }, t("loading"));
-  root.append(h("section", { className: "wide" }, h("div", { className: "row" }, button(t("download"), () => order(() => save(`/reports/${id}`, `${id}-report.html`)), { id: "download" }),
-    h("a", { href: `#/result/${id}`, className: "do" }, t("toResult"))), says, h("p", { className: "dim" }, t("printHint"))), h("section", { className: "wide paper" }, place));
+  const foot = footBar(t("next"));
+  foot.set([], t("printHint"), () => [h("a", { href: `#/diagnose/${id}`, className: "btn", id: "to-result" }, t("toResult")), button(t("download"), () => order(() => save(`/reports/${id}`, `${id}-report.html`)), { id: "download", kind: "primary", ic: "down" })]);
+  root.append(head("", h("h1", { id: "title" }, t("report")), says), h("section", { className: "card paper" }, place), foot);
   let shown = false;
   const look = async () => {
     if (shown) return;

@@ -1,10 +1,11 @@
-// The view Robots: every robot of the history in a line, what has changed and what is overdue first.
+// Robots and past runs: every robot of the history in a line, what needs care first; then what was measured here.
 
 import { Refusal, reckoned, upload } from "./connection.js";
-import { looksOn, order } from "./desk.js";
-import { fill, h } from "./dom.js";
-import { causeOf, day, dueOf, stateOf, withU } from "./history.js";
+import { desk, looksOn, order } from "./desk.js";
+import { card, fill, fold, h, head } from "./dom.js";
+import { causeOf, day, dueOf, lastSaid, stateOf, withU } from "./history.js";
 import { posture } from "./posture.js";
+import { runList } from "./runs.js";
 import { sparkline } from "./trend.js";
 import { number } from "./units.js";
 import { t } from "./words.js";
@@ -16,7 +17,7 @@ const FEW = 12;  // robots that a person takes in at a glance
 export const refusal = (error) => [h("strong", {}, "✖ ", error.message), " ", h("span", {}, `${t("whatToDo")} `, error.whatToDo)];
 
 export function open(root) {
-  const list = h("ul", { className: "robots", ariaLabel: t("view_of_robots") }), says = h("p", { role: "status", id: "store-says" }), about = h("p", { className: "dim" });
+  const list = h("ul", { className: "robots", ariaLabel: t("view_of_robots") }), says = h("p", { role: "status", id: "store-says" }), about = h("p", { className: "sub" });
   const refused = h("div", {}), arm = posture(), file = h("input", { type: "file", id: "document", accept: ".json", multiple: true, required: true });
   const serial = h("input", { id: "serial", maxLength: 200, size: 16 });
   const send = h("form", { className: "form", on: { submit: (event) => {
@@ -28,12 +29,13 @@ export function open(root) {
         added.contradicts.length ? h("span", {}, ` (${added.contradicts.map((hash) => hash.slice(0, 12)).join(", ")})`) : null)));
       send.reset(); asked = 0;
     });
-  } } }, h("label", {}, t("documentFiles"), file), h("label", {}, t("serialWhereNone"), serial), h("button", {}, t("keepThem"))), kept = h("ul", { role: "status" });
-  const adding = h("details", {}, h("summary", {}, t("addDocuments")), h("p", { className: "dim" }, t("addDocumentsHint")), send, kept);
-  const search = h("input", { type: "search", id: "search", size: 28, on: { input: () => { if (known) show(known); } } }), care = h("p", { className: "big", role: "status", id: "care" });
-  const rest = h("ul", { className: "robots", ariaLabel: t("robotsAtRest") }), count = h("summary", {}), others = h("details", { id: "others", hidden: true }, count, rest);
+  } } }, h("label", { className: "field" }, h("span", {}, t("documentFiles")), file), h("label", { className: "field" }, h("span", {}, t("serialWhereNone")), serial), h("button", { className: "btn" }, t("keepThem"))), kept = h("ul", { role: "status" });
+  const adding = fold(t("addDocuments"), "", h("p", { className: "sub" }, t("addDocumentsHint")), send, kept);
+  const search = h("input", { type: "search", id: "search", size: 28, on: { input: () => { if (known) show(known); } } }), care = h("h1", { ariaLive: "polite", id: "title" }, t("view_of_robots"));
+  const rest = h("ul", { className: "robots", ariaLabel: t("robotsAtRest") }), others = fold("", "", rest), count = others.querySelector(".what"), past = runList();
+  others.id = "others"; others.hidden = true;
   let known = null;
-  root.append(h("section", { className: "wide" }, h("h2", {}, t("robotsKept")), says, care, h("p", {}, h("label", {}, t("searchRobots"), " ", search)), list, others, about, refused, adding, h("p", {}, h("a", { href: "#/result", className: "do" }, t("allResultsHere")))), arm);
+  root.append(head("", care, h("p", { className: "lead" }, t("robotsLead"))), card(t("robotsKept"), says, h("label", { className: "field" }, h("span", {}, t("searchRobots")), search), list, others, about, refused), past, adding, arm);
   let asked = 0;
 
   const show = (found) => {
@@ -42,7 +44,7 @@ export function open(root) {
     const { need_care: n, permitted_mm: permitted } = found, all = found.robots.length + found.left_out, sought = search.value.trim().toLowerCase();
     const shown = found.robots.filter((each) => [each.serial, each.model, ...each.cells].some((name) => name.toLowerCase().includes(sought))), [ill, well] = [true, false].map((cares) => shown.filter((each) => each.needs_care === cares));
     const lines = (robots) => robots.map((each) => h("li", { className: each.needs_care ? "cares" : "" }, line(each, permitted)));
-    fill(care, [n, all], () => [!all ? "" : n ? `⚠ ${t("careFor", { n, all })}` : `✔ ${t("careForNone", { all })}`]);
+    fill(care, [n, all], () => [!all ? t("view_of_robots") : n ? t("careFor", { n, all }) : t("careForNone", { all })]);
     fill(list, [ill, permitted, all, shown.length], () => (!all ? h("li", { className: "none" }, t("noRobots")) : shown.length ? lines(ill) : h("li", { className: "none" }, t("nothingFound"))));
     fill(count, well.length, () => [t("othersAtRest", { n: well.length })]);
     fill(rest, [well, permitted], () => lines(well));
@@ -59,6 +61,7 @@ export function open(root) {
       try { show(await reckoned("/robots")); says.replaceChildren(); }
       catch (error) { if (!(error instanceof Refusal)) throw error; says.replaceChildren(...refusal(error)); }
     }
+    if (desk.cell || !past.hidden) await past.look();
     await arm.look();
   };
   return { look, show: () => {} };
@@ -69,11 +72,11 @@ export const errorOf = (robot) => h("span", { className: robot.beyond_permitted 
 export const doubt = (robot) => (robot.doubtful_date ? h("p", { className: "advice overdue" }, `⚠ ${t("doubtfulDate", { date: day(robot.doubtful_date) })}`) : null);
 
 function line(robot, permitted) {
-  const said = robot.watched, cause = said && robot.state !== "recalibrated" && said.causes[0];
+  const said = lastSaid(robot), cause = said && said.causes[0];
   const fact = (name, ...what) => h("div", {}, h("dt", {}, t(name)), h("dd", {}, what));
-  return [h("div", { className: "whose" }, h("a", { href: `#/robot/${robot.id}`, className: "do", "data-name": robot.id }, robot.serial), h("span", { className: "dim" }, `${robot.model} · ${robot.cells.join(", ")}`), stateOf(robot.state)),
+  return [h("div", { className: "whose" }, h("a", { href: `#/robot/${robot.id}`, className: "do", "data-name": robot.id }, robot.serial), h("span", { className: "sub" }, `${robot.model} · ${robot.cells.join(", ")}`), stateOf(robot.state)),
     h("dl", {}, fact("lastCause", cause ? causeOf(cause) + (said.causes.length > 1 ? ` ${t("orOthers", { n: said.causes.length - 1 })}` : "") : t("noCause")),
-      fact("positionError", errorOf(robot)), fact("nextCheck", dueOf(robot.due)), fact("lastMeasured", day(robot.last_measured))),
-    h("div", { className: "spark-of" }, robot.errors.length ? sparkline(robot.errors, permitted) : h("span", { className: "dim" }, t("noErrors"))),
-    ["changed", "ambiguous", "unexplained"].includes(robot.state) ? h("p", { className: "advice" }, `${t("whatToDo")} `, said.advice) : null, doubt(robot)].filter(Boolean);
+      fact("saidLast", said ? `${day(said.measured)}: ${t(`said_${said.verdict}`)}` : "–"), fact("positionError", errorOf(robot)), fact("nextCheck", dueOf(robot.due)), fact("lastMeasured", day(robot.last_measured))),
+    h("div", { className: "spark-of" }, robot.errors.length ? sparkline(robot.errors, permitted) : h("span", { className: "sub" }, t("noErrors"))),
+    ["changed", "ambiguous", "unexplained"].includes(robot.state) ? h("p", { className: "advice" }, `${t("whatToDo")} `, robot.watched.advice) : null, doubt(robot)].filter(Boolean);
 }

@@ -1,146 +1,164 @@
-// A picture of the cell in space that can be turned: robot, boxes, poses, their path, and errors as arrows. Plain SVG,
-// so it needs no WebGL. Everything is sorted by depth and painted from behind (Newell's painter's algorithm without
-// splitting). Lengths mm, world frame: x to the right, z up when looked at from the front.
+// The cell in space, by three.js: robot, boxes, poses, their path, and errors as arrows. Lengths mm, world frame, z up.
+// All pictures share one WebGL context; where the browser has none, words say so and the poses are listed instead.
 
-import { button, h, svg } from "./dom.js";
+import { button, h } from "./dom.js";
 import { t } from "./words.js";
 
-const W = 800, H = 560, EDGE = 14, ROOM = 110, TURN = Math.PI / 12, WORDS = 1e9;  // words are painted last
-const VIEWS = { oblique: [-0.9, 0.45], front: [-Math.PI / 2, 0], side: [0, 0], top: [-Math.PI / 2, Math.PI / 2] };
-const add = (a, b, s = 1) => a.map((x, i) => x + s * b[i]);
+const VIEWS = { oblique: [0.9, -1.2, 0.75], front: [0, -1, 0.001], side: [1, 0, 0.001], top: [0, -0.001, 1] }, SLACK_PX = 5, WORST = 12;
+let engine = null;  // {THREE, OrbitControls, renderer}; null in a browser without WebGL
 
-// `show(model)`: capsules, obstacles, nests_mm, station_mm as /cell/scene has them; path_mm; marks: [{at, shape, label}];
-// arrows: [{at, by}], drawn `enlarged` times.
-export function scenePicture(name) {
-  let [azimuth, elevation] = VIEWS.oblique, zoom = 1, model = { capsules: [], obstacles: [] }, from = null;
-  const drawing = svg("svg", { viewBox: `0 0 ${W} ${H}`, role: "img", "aria-label": name, class: "scene" });
-  const says = h("p", { className: "dim scale" });
-  const turned = (turn, tilt = 0, closer = 1) => {
-    azimuth += turn; elevation = Math.max(-0.3, Math.min(Math.PI / 2, elevation + tilt)); zoom = Math.max(0.4, Math.min(8, zoom * closer));
-    draw();
-  };
-  const tool = (sign, what, act) => button(sign, act, { ariaLabel: t(what), title: t(what) });
-  const view = (which) => button(t(`view_${which}`), () => { [azimuth, elevation] = VIEWS[which]; zoom = 1; draw(); });
-  const tools = h("div", { className: "row tools", role: "group", ariaLabel: t("turnPicture") },
-    tool("⟲", "turnLeft", () => turned(-TURN)), tool("⟳", "turnRight", () => turned(TURN)), tool("▲", "tiltUp", () => turned(0, TURN)),
-    tool("▼", "tiltDown", () => turned(0, -TURN)), tool("+", "closer", () => turned(0, 0, 1.3)), tool("−", "farther", () => turned(0, 0, 1 / 1.3)),
-    Object.keys(VIEWS).map(view));
-  drawing.addEventListener("pointerdown", (event) => { from = [event.clientX, event.clientY]; drawing.setPointerCapture(event.pointerId); });
-  drawing.addEventListener("pointermove", (event) => {
-    if (!from) return;
-    const [x, y] = from;
-    from = [event.clientX, event.clientY];
-    turned((x - event.clientX) / 120, (event.clientY - y) / 160);
+const loaded = () => loaded.once ??= (async () => {
+  if (!document.createElement("canvas").getContext("webgl2")) return;
+  const [THREE, { OrbitControls }] = await Promise.all([import("three"), import("./vendor/OrbitControls.js")]);
+  try { engine = { THREE, OrbitControls, renderer: new THREE.WebGLRenderer({ antialias: true, alpha: true }) }; } catch { engine = null; }
+})();
+
+const token = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+
+// `show(model)`: capsules, obstacles, nests_mm, station_mm as /cell/scene has them; path_mm; marks: [{at, shape, square, label,
+// id, tip, chosen}]; arrows: [{at, by}], drawn `enlarged` times; says. `pick(id)`: a pose was chosen.
+export function scenePicture(name, pick = null) {
+  const canvas = h("canvas", { className: "scene", role: "img", ariaLabel: name, tabIndex: 0 }), words = h("div", { className: "labels", "aria-hidden": "true" }), tip = h("div", { className: "tip", hidden: true });
+  const says = h("figcaption", { className: "cap" }), listed = h("div", { className: "no3d", hidden: true });
+  const tools = h("div", { className: "tools", role: "group", ariaLabel: t("turnPicture") }, Object.keys(VIEWS).map((which) => button(t(`view_${which}`), () => look(which), { className: "chip", ariaLabel: t("viewNamed", { view: t(`view_${which}`) }) })),
+    [["−", "farther", 1.25], ["+", "closer", 0.8]].map(([sign, what, by]) => button(sign, () => { camera.position.sub(controls.target).multiplyScalar(by).add(controls.target); controls.update(); }, { className: "chip", ariaLabel: t(what) })));
+  const stage = h("div", { className: "stage" }, canvas, words, tip, tools), figure = h("figure", { className: "space" }, stage, listed, says);
+  let model = null, space = null, camera = null, controls = null, targets = [], labels = [], size = 1, down = null, middle = [0, 0, 0];
+
+  async function draw() {
+    await loaded();
+    stage.hidden = !engine; listed.hidden = Boolean(engine);
+    if (!engine) { list(); return; }
+    const first = !space;
+    build();
+    if (first) { begin(); look("oblique"); }
+    render();
+  }
+
+  function begin() {
+    camera = new engine.THREE.PerspectiveCamera(32, 1, 0.01, 100);
+    camera.up.set(0, 0, 1);
+    controls = new engine.OrbitControls(camera, canvas);
+    controls.listenToKeyEvents(canvas); controls.enableDamping = false; controls.keyPanSpeed = 20;
+    canvas.style.touchAction = "pan-y";
+    controls.addEventListener("change", render);
+  }
+
+  function look(which) {
+    if (!camera) return;
+    controls.target.set(...middle);
+    camera.position.set(...VIEWS[which]).normalize().multiplyScalar(size * 1.7).add(controls.target);
+    controls.update(); render();
+  }
+
+  function build() {
+    const { THREE } = engine, m = model, vector = (p) => new THREE.Vector3(p[0] / 1000, p[1] / 1000, p[2] / 1000);
+    const flat = (colour, more = {}) => new THREE.MeshLambertMaterial({ color: token(colour), ...more }), line = (colour, more = {}) => new THREE.LineBasicMaterial({ color: token(colour), ...more });
+    if (space) space.traverse((each) => { each.geometry?.dispose(); });
+    space = new THREE.Scene(); targets = []; labels = [];
+    space.add(new THREE.HemisphereLight(0xffffff, 0x8899aa, 2.2));
+    const sun = new THREE.DirectionalLight(0xffffff, 1.6); sun.position.set(1, -2, 3); space.add(sun);
+    const box = new THREE.Box3(), put = (object, label) => { space.add(object); if (label) labels.push({ at: object.position, ...label }); return object; };
+    const rod = (from, to, radius, material) => {
+      const [a, b] = [vector(from), vector(to)], along = b.clone().sub(a), mesh = new THREE.Mesh(new THREE.CapsuleGeometry(radius / 1000, along.length(), 8, 20), material);
+      mesh.position.copy(a).add(b).multiplyScalar(0.5); mesh.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), along.lengthSq() ? along.normalize() : new THREE.Vector3(0, 1, 0));
+      box.expandByPoint(a).expandByPoint(b); put(mesh);
+    };
+    const arm = flat("arm"), tool = flat("tool");
+    for (const each of m.capsules || []) rod(each.from_mm, each.to_mm, each.radius_mm * (each.name.startsWith("the tool") ? 0.4 : 0.7), each.name.startsWith("the tool") ? tool : arm);
+    for (const [label, place] of Object.entries(m.nests_mm || {})) {
+      const ball = new THREE.Mesh(new THREE.SphereGeometry(0.014, 20, 14), flat("ink")); ball.position.copy(vector(place)); box.expandByPoint(ball.position); put(ball, { text: label });
+    }
+    for (const each of m.marks || []) box.expandByPoint(vector(each.at));
+    for (const each of m.arrows || []) box.expandByPoint(vector(each.at));
+    for (const each of m.obstacles || []) {
+      if (each.kind === "box") {
+        const [low, high] = [vector(each.low_mm), vector(each.high_mm)], shape = new THREE.BoxGeometry(...high.clone().sub(low).toArray()), body = new THREE.Mesh(shape, flat("ask-edge", { transparent: true, opacity: 0.35 }));
+        body.position.copy(low).add(high).multiplyScalar(0.5); body.add(new THREE.LineSegments(new THREE.EdgesGeometry(shape), line("ask-edge"))); box.expandByPoint(low).expandByPoint(high); put(body);
+      } else if (each.kind === "post") rod(each.from_mm, each.to_mm, each.radius_mm, flat("ask-edge"));
+    }
+    if (box.isEmpty()) box.expandByPoint(new THREE.Vector3(0, 0, 0)).expandByPoint(new THREE.Vector3(0.5, 0.5, 0.5));
+    const wide = box.getSize(new THREE.Vector3());
+    size = Math.max(0.3, wide.length()); middle = box.getCenter(new THREE.Vector3()).toArray();
+    const floor = (m.obstacles || []).find((each) => each.kind === "table"), grid = new THREE.GridHelper(Math.ceil(size * 1.4 * 10) / 10, Math.ceil(size * 1.4 * 10), token("edge"), token("line"));
+    grid.rotation.x = Math.PI / 2; grid.position.set(Math.round(middle[0] * 10) / 10, Math.round(middle[1] * 10) / 10, (floor ? floor.z_mm : 0) / 1000); space.add(grid);
+    if ((m.path_mm || []).length) space.add(new THREE.Line(new THREE.BufferGeometry().setFromPoints(m.path_mm.map(vector)), line("mark", { transparent: true, opacity: 0.35 })));
+    const r = size * 0.0085, forms = { true: new THREE.BoxGeometry(1.7 * r, 1.7 * r, 1.7 * r), false: new THREE.SphereGeometry(r, 16, 12) };
+    const looks = { measured: flat("mark"), now: flat("act"), skipped: flat("stop"), planned: flat("raised"), deferred: flat("sunken"), rim: new THREE.MeshBasicMaterial({ color: token("mark"), side: THREE.BackSide }), chosen: new THREE.MeshBasicMaterial({ color: token("ink"), side: THREE.BackSide }) };
+    for (const each of m.marks || []) {
+      const form = forms[Boolean(each.square)], mesh = new THREE.Mesh(form, looks[each.shape] || looks.planned), rim = new THREE.Mesh(form, each.chosen || each.shape === "now" ? looks.chosen : looks.rim);
+      mesh.position.copy(vector(each.at)); rim.scale.setScalar(each.chosen ? 2 : each.shape === "now" ? 1.6 : 1.25); mesh.add(rim); mesh.userData.mark = each;
+      if (each.shape === "now" || each.chosen) mesh.scale.setScalar(1.3);
+      targets.push(put(mesh, (each.chosen || each.shape === "now") && each.label ? { text: each.label, strong: true } : null));
+    }
+    const colour = token(m.after ? "after" : "before");
+    for (const each of m.arrows || []) {
+      const by = vector(each.by).multiplyScalar(m.enlarged || 1), long = by.length();
+      if (long > 1e-6) space.add(new THREE.ArrowHelper(by.clone().normalize(), vector(each.at), long, colour, Math.min(0.03, 0.4 * long), Math.min(0.016, 0.2 * long)));
+    }
+    if (m.station_mm) {
+      const from = new THREE.Vector3(...middle), along = vector(m.station_mm).sub(from), far = along.length();
+      along.normalize();
+      const ends = [0.35, 0.55].map((share) => from.clone().addScaledVector(along, Math.min(share * size, far))), beam = new THREE.Line(new THREE.BufferGeometry().setFromPoints(ends), new THREE.LineDashedMaterial({ color: token("ink-3"), dashSize: 0.02, gapSize: 0.012 }));
+      beam.computeLineDistances(); space.add(beam); labels.push({ at: ends[1], text: t("stationAway", { m: far.toFixed(1) }) });
+    }
+  }
+
+  function render() {
+    const W = canvas.clientWidth, H = canvas.clientHeight;
+    if (!space || !camera || !W || !H) return;
+    const { renderer } = engine, ratio = Math.min(2, devicePixelRatio);
+    renderer.setPixelRatio(ratio); renderer.setSize(W, H, false);
+    camera.aspect = W / H; camera.fov = W < H * 1.2 ? 46 : 32; camera.updateProjectionMatrix();
+    renderer.render(space, camera);
+    canvas.width = Math.round(W * ratio); canvas.height = Math.round(H * ratio);
+    canvas.getContext("2d").drawImage(renderer.domElement, 0, 0);
+    words.replaceChildren(...labels.map(({ at, text, strong }) => {
+      const p = at.clone().project(camera), label = h("span", { className: strong ? "strong" : "" }, text);
+      label.style.left = `${Math.max(4, Math.min(W - 8 * text.length - 8, (p.x + 1) / 2 * W + 10))}px`; label.style.top = `${Math.max(0, Math.min(H - 22, (1 - p.y) / 2 * H - 10))}px`;
+      return label;
+    }));
+  }
+
+  function hit(event) {
+    if (!engine || !camera || !targets.length) return null;
+    const { THREE } = engine, at = canvas.getBoundingClientRect(), ray = new THREE.Raycaster();
+    ray.setFromCamera(new THREE.Vector2((event.clientX - at.left) / at.width * 2 - 1, 1 - (event.clientY - at.top) / at.height * 2), camera);
+    const [first] = ray.intersectObjects(targets);
+    return first ? (first.object.userData.mark || first.object.parent.userData.mark) : null;
+  }
+
+  // Without WebGL: the poses, or the places, in words; a pose is chosen by its button.
+  function list() {
+    const places = Object.entries(model.nests_mm || {}).map(([each, p]) => `${each}: ${p.map((v) => v.toFixed(0)).join(", ")} mm`);
+    const worst = (model.arrows || []).map(({ at, by }) => [Math.hypot(...by), at]).sort(([a], [b]) => b - a).slice(0, WORST).map(([mm, at]) => t("errorAt", { mm: mm.toFixed(3), place: at.map((v) => v.toFixed(0)).join(", ") }));
+    const marks = (model.marks || []).map((each) => h("li", {}, pick && each.id !== undefined ? button(each.tip, () => pick(each.id), { className: "chip", "aria-pressed": String(Boolean(each.chosen)) }) : h("span", {}, each.tip)));
+    const inner = h("ul", { className: "pose-list", ariaLabel: name, tabIndex: marks.length ? 0 : -1 }, marks.length ? marks : (worst.length ? worst : places).map((each) => h("li", {}, each)));
+    const scrolled = listed.lastChild ? listed.lastChild.scrollTop : 0;
+    listed.replaceChildren(h("p", {}, t("noWebGl")), inner);
+    inner.scrollTop = scrolled;
+  }
+
+  canvas.addEventListener("pointerdown", (event) => { down = [event.clientX, event.clientY]; });
+  canvas.addEventListener("pointerup", (event) => {
+    const mark = pick && down && Math.hypot(event.clientX - down[0], event.clientY - down[1]) < SLACK_PX && hit(event);
+    down = null;
+    if (mark) pick(mark.id);
   });
-  for (const end of ["pointerup", "pointercancel"]) drawing.addEventListener(end, () => { from = null; });
-
-  // The extent of what is shown, then a projection that holds it: [x, y on the paper, depth towards the eye], and scale.
-  function camera() {
-    const points = [
-      ...(model.capsules || []).flatMap((c) => [c.from_mm, c.to_mm]), ...Object.values(model.nests_mm || {}),
-      ...(model.path_mm || []), ...(model.marks || []).map((m) => m.at), ...(model.arrows || []).map((a) => a.at),
-      ...(model.obstacles || []).flatMap((o) => (o.kind === "box" ? [o.low_mm, o.high_mm] : o.kind === "post" ? [o.from_mm, o.to_mm] : [])),
-    ];
-    const ends = [0, 1, 2].map((i) => [Math.min(0, ...points.map((p) => p[i])), Math.max(1, ...points.map((p) => p[i]))]);
-    const [ca, sa, ce, se] = [Math.cos(azimuth), Math.sin(azimuth), Math.cos(elevation), Math.sin(elevation)];
-    const turn = ([x, y, z]) => {
-      const depth = x * ca + y * sa;
-      return [-x * sa + y * ca, z * ce - depth * se, depth * ce + z * se];
-    };
-    const floor = [0, 1, 2, 3].map((i) => [...[0, 1].map((axis) => ends[axis][(i >> axis) & 1]), 0]);
-    const [across, up] = [0, 1].map((i) => {
-      const seen = [...points, ...floor].map((p) => turn(p)[i]);
-      return [Math.min(...seen) - ROOM, Math.max(...seen) + ROOM];
-    });
-    const scale = zoom * Math.min((W - 2 * EDGE) / (across[1] - across[0]), (H - 2 * EDGE) / (up[1] - up[0]));
-    const at = (p) => {
-      const [right, high, depth] = turn(p);
-      return [W / 2 + scale * (right - (across[0] + across[1]) / 2), H / 2 - scale * (high - (up[0] + up[1]) / 2), depth];
-    };
-    return { at, scale, ends };
-  }
-
-  function draw() {
-    const { at, scale, ends } = camera(), parts = [];
-    const put = (depth, ...nodes) => parts.push([depth, nodes]);
-    const path = (points) => points.map((p) => at(p).slice(0, 2).map((x) => x.toFixed(1)).join(",")).join(" ");
-    for (const each of model.obstacles || []) {
-      if (each.kind === "table") put(-1e9, ...table(each.z_mm, ends, path));
-      else if (each.kind === "box") faces(each.low_mm, each.high_mm).forEach((face) => put(mean(face.map((p) => at(p)[2])), svg("polygon", { points: path(face), class: "box" })));
-      else put(mean([at(each.from_mm)[2], at(each.to_mm)[2]]), ...rod(at(each.from_mm), at(each.to_mm), each.radius_mm * scale, "post"));
-    }
-    for (const each of model.capsules || []) {
-      const [a, b] = [at(each.from_mm), at(each.to_mm)];
-      put((a[2] + b[2]) / 2, ...rod(a, b, each.radius_mm * scale, each.name.startsWith("the tool") ? "tool" : "arm"));
-    }
-    for (const [label, place] of Object.entries(model.nests_mm || {})) {
-      const [x, y, depth] = at(place);
-      put(depth + 1, svg("circle", { cx: x, cy: y, r: 6, class: "nest" }));
-      put(WORDS, beside(x, y + 4, 9, label));
-    }
-    if ((model.path_mm || []).length) put(1e8, svg("polyline", { points: path(model.path_mm), class: "way" }));
-    for (const each of model.marks || []) {
-      const [x, y, depth] = at(each.at);
-      put(1e8 + depth, ...mark(x, y, each));
-      if (each.shape === "now") put(WORDS, beside(x, y + 4, 17, each.label || "", "here"));
-    }
-    for (const each of model.arrows || []) put(at(each.at)[2] + 1e6, ...arrow(at(each.at), at(add(each.at, each.by, model.enlarged || 1))));
-    if (model.station_mm) put(WORDS, ...beam(at, model.station_mm, ends));
-    parts.sort((a, b) => a[0] - b[0]);
-    drawing.replaceChildren(...parts.flatMap(([, nodes]) => nodes));
-    says.textContent = model.says || "";
-  }
-
-  new ResizeObserver(draw).observe(drawing);  // letters are larger in a narrow window
-  const picture = h("figure", { className: "space" }, drawing, says, tools);
-  picture.show = (shown) => { model = shown; drawing.setAttribute("aria-label", shown.described || name); draw(); };
-  return picture;
-}
-
-const mean = (values) => values.reduce((a, b) => a + b, 0) / values.length;
-
-function table(z, ends, path) {
-  const [[x0, x1], [y0, y1]] = ends.slice(0, 2).map(([low, high]) => [low - 120, high + 120]);
-  const lines = [];
-  for (let x = Math.ceil(x0 / 100) * 100; x <= x1; x += 100) lines.push(svg("polyline", { points: path([[x, y0, z], [x, y1, z]]), class: "grid" }));
-  for (let y = Math.ceil(y0 / 100) * 100; y <= y1; y += 100) lines.push(svg("polyline", { points: path([[x0, y, z], [x1, y, z]]), class: "grid" }));
-  return [svg("polygon", { points: path([[x0, y0, z], [x1, y0, z], [x1, y1, z], [x0, y1, z]]), class: "floor" }), ...lines];
-}
-
-function faces(low, high) {
-  const corner = (i) => [0, 1, 2].map((axis) => ((i >> axis) & 1 ? high : low)[axis]);
-  return [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]].map((face) => face.map(corner));
-}
-
-function rod([x1, y1], [x2, y2], radius, kind) {
-  const ends = { x1, y1, x2: x2 + 0.01, y2, "stroke-linecap": "round" };
-  return [svg("line", { ...ends, "stroke-width": 2 * radius + 3, class: `${kind} edge` }), svg("line", { ...ends, "stroke-width": 2 * radius, class: kind })];
-}
-
-// A measured reading is full, a planned one open, a skipped one a cross, the one in hand has a ring; validation is square.
-function mark(x, y, { shape, square }) {
-  if (shape === "skipped") return [svg("path", { d: `M${x - 5} ${y - 5}l10 10M${x + 5} ${y - 5}l-10 10`, class: "mark skipped" })];
-  const body = square ? svg("rect", { x: x - 4, y: y - 4, width: 8, height: 8, class: `mark ${shape}` }) : svg("circle", { cx: x, cy: y, r: 4.5, class: `mark ${shape}` });
-  return shape === "now" ? [svg("circle", { cx: x, cy: y, r: 13, class: "ring" }), body] : [body];
-}
-
-// Words to the right of a place; where they would leave the picture to its left, or above it as far right as they may be.
-function beside(x, y, away, words, kind = "") {
-  const narrow = matchMedia("(max-width: 700px)").matches, wide = (narrow ? 17 : 8.5) * words.length;
-  if (x + away + wide <= W) return svg("text", { x: x + away, y, class: kind }, words);
-  if (x - away >= wide) return svg("text", { x: x - away, y, "text-anchor": "end", class: kind }, words);
-  return svg("text", { x: Math.max(0, W - wide), y: y - (narrow ? 34 : 20), class: kind }, words);
-}
-
-function arrow([x1, y1], [x2, y2]) {
-  const angle = Math.atan2(y2 - y1, x2 - x1), head = (turn) => `${(x2 - 6 * Math.cos(angle + turn)).toFixed(1)} ${(y2 - 6 * Math.sin(angle + turn)).toFixed(1)}`;
-  return [svg("path", { d: `M${x1.toFixed(1)} ${y1.toFixed(1)}L${x2.toFixed(1)} ${y2.toFixed(1)}M${head(0.45)}L${x2.toFixed(1)} ${y2.toFixed(1)}L${head(-0.45)}`, class: "error" })];
-}
-
-// The instrument is often metres away: a line towards it, with its distance.
-function beam(at, station, ends) {
-  const origin = [0, 1, 2].map((i) => (ends[i][0] + ends[i][1]) / 2), to = add(station, origin, -1), far = Math.hypot(...to);
-  const reach = Math.min(1, 0.5 * Math.hypot(...ends.map(([low, high]) => high - low)) / far);
-  const [x1, y1] = at(add(origin, to, reach * 0.75)), [x2, y2] = at(add(origin, to, reach));
-  return [svg("line", { x1, y1, x2, y2, class: "beam" }), beside(x2, Math.min(Math.max(y2 + 5, 16), H - 8), 8, t("stationAway", { m: (far / 1000).toFixed(1) }))];
+  canvas.addEventListener("pointermove", (event) => {
+    const mark = event.buttons ? null : hit(event), at = canvas.getBoundingClientRect();
+    tip.hidden = !mark; canvas.classList.toggle("over", Boolean(mark && pick));
+    if (mark) { tip.textContent = mark.tip || mark.label; tip.style.left = `${Math.min(event.clientX - at.left + 14, at.width - 180)}px`; tip.style.top = `${Math.max(4, event.clientY - at.top - 40)}px`; }
+  });
+  canvas.addEventListener("pointerleave", () => { tip.hidden = true; });
+  stage.addEventListener("wheel", (event) => { if (!event.ctrlKey) event.stopImmediatePropagation(); }, { capture: true });  // the page scrolls
+  new ResizeObserver(render).observe(canvas);
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { if (model && figure.isConnected) draw(); });
+  figure.show = (shown) => {
+    model = shown;
+    says.textContent = shown.says || ""; says.hidden = !shown.says;
+    canvas.setAttribute("aria-label", shown.described || name);
+    draw().catch((error) => console.error(error));
+  };
+  return figure;
 }

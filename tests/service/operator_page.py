@@ -55,6 +55,24 @@ def at_the_page(folder: Path) -> Iterator[tuple[Served, Page]]:
         yield service, page
 
 
+STATE = "document.querySelector('#title')?.dataset.state ?? ''"
+
+
+def answerable(page: Page) -> bool:
+    """Report whether a question is shown whose answers are armed."""
+    return page.value(f"!(document.querySelector('#asking')?.hidden ?? true) && {ARMED}")
+
+
+def take_control(page: Page, name: str) -> None:
+    """Take control of the robot in the strip, which nobody has."""
+    until(lambda: page.text("#holder") == "Nobody is in control")
+    page.click("#control")
+    page.value("document.querySelector('#name').focus()")
+    page.type(name)
+    page.press("Enter")
+    until(lambda: page.text("#holder") == "You are in control")
+
+
 def run_of(service: Served, folder: Path) -> str:
     file = campaign_file(folder, calibration=4, validation=1, warm_up_s=0.0, settle_s=0.5, samples=5)
     body: dict[str, Any] = {"campaign": tomllib.loads(file.read_text("utf-8")), "dry_run": False}

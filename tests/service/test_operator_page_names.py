@@ -17,7 +17,7 @@ from tests.drivers.waiting import until
 from tests.end_to_end.simulated import campaign_file, cell_file
 from tests.service.browser import Page
 from tests.service.campaigns import write_data
-from tests.service.operator_page import ARMED, enter, in_a_browser, run_of
+from tests.service.operator_page import ARMED, STATE, enter, in_a_browser, run_of, take_control
 from tests.service.robot_programs import RAPID
 from tests.service.test_http_support import Served, served
 from tests.service.workplace import audit, open_view
@@ -81,59 +81,62 @@ def test_no_name_is_markup_in_any_view_and_what_curl_can_do_a_person_can(
         service.client.post("/campaigns/file", files={"toml": content}, data={"name": HOSTILE})
     with window.another(f"{service.url}/#/cell") as page:
         enter(page)
-        until(lambda: page.value("Boolean(document.querySelector('#name'))"))
-        put(page, "#name", HOSTILE)
-        page.press("Enter")
-        until(lambda: page.text("#holder") == f"You hold it as {HOSTILE}.")
-        click(page, "#examine")
-        until(lambda: page.text("#examined").startswith("✔ A campaign can begin."))
+        take_control(page, HOSTILE)
+        assert page.text("#control .k") == HOSTILE
+        until(lambda: HOSTILE in page.text("#plans"))
+        page.value("document.querySelector('#plans').closest('details').open = true")
+        page.click("#plans a")
+        until(lambda: page.text("#title") == "Ready to measure")
         audit(page)
         nothing_ran(page)
 
         page.value(f"location.hash = '#/result/{job}'")
-        until(lambda: page.text("#acceptance").startswith("✔ accepted"))
+        until(lambda: page.text("#acceptance").startswith("Accepted"))
+        audit(page)
+        page.click("#to-correct")
+        until(lambda: page.value("Boolean(document.querySelector('#program'))"))
         program = tmp_path / f"{HOSTILE}.mod"
         program.write_text(RAPID, "utf-8")
         saved = tmp_path / "saved"
         page.do("Page.setDownloadBehavior", behavior="allow", downloadPath=str(saved))
         page.choose("#program", program)
-        click(page, "form:has(#program) button")
-        until(lambda: page.text("#trouble") != "" or "corrected" in page.text("#corrected"))
-        if page.text("#trouble"):  # some targets of this program are out of the arm's reach on purpose
-            assert "cannot be corrected" in page.text("#trouble")
-            until(lambda: page.value("document.querySelectorAll('#corrected tbody tr').length") > 0)
-            page.click("#keep-refused")
-            click(page, "form:has(#program) button")
-        until(lambda: " corrected, " in page.text("#corrected"))
+        until(lambda: "corrected" in page.text("#corrected"))
+        if "cannot be corrected" in page.text("#corrected"):  # some are out of the arm's reach on purpose
+            assert page.value("document.querySelectorAll('#corrected tbody tr').length") > 0
+            click(page, "#keep-refused")
+        click(page, "#download-program")
         until(lambda: any(each.suffix == ".mod" for each in saved.glob("*")))
         (done,) = saved.glob("*.mod")
         until(lambda: done.read_text("utf-8").startswith("%%%") and done.read_text("utf-8") != RAPID)
+        page.click("#way-urdf")
         click(page, "#export-model")
         until(lambda: bool([*saved.glob("*.urdf")]))
         audit(page)
         nothing_ran(page)
 
-        for view in ("campaigns", "result", "report", "robots"):
+        for view in ("report", "robots", "data"):
             open_view(page, view)
-            until(lambda: page.value("Boolean(document.querySelector('#desk a.do'))"))
+            until(lambda: page.text("#title") != "")
             nothing_ran(page)
+        until(lambda: page.value("Boolean(document.querySelector('#datasets .more'))"))
 
-        open_view(page, "result")
-        until(lambda: page.value("Boolean(document.querySelector('.deleting'))"))
-        page.click(".deleting summary")
-        page.click(".deleting .delete")
-        until(lambda: page.text("#trouble") == "Say why it is deleted.")
+        page.click("#datasets .more")
+        page.click("#datasets .menu .bad")
+        until(lambda: page.text("#ask h2") == f"Delete “{HOSTILE}”?")
+        assert page.value("document.activeElement.id") == "ask-keep"
+        audit(page)
+        page.click("#ask-go")
+        until(lambda: page.text("#trouble") == "Enter a reason.")
         assert len(service.client.get("/datasets").json()["datasets"]) == 1
         page.type(HOSTILE)  # the field has the focus
-        page.click(".deleting .delete")
+        page.click("#ask-go")
         until(lambda: not service.client.get("/datasets").json()["datasets"])
         line = service.client.get("/deletions").json()["deletions"][-1]
         assert (line["id"], line["by"], line["reason"]) == (dataset, HOSTILE, HOSTILE)
-        open_view(page, "cell")
-        until(lambda: page.value("Boolean(document.querySelector('#trail'))"))
         page.click("#trail summary")
         until(lambda: HOSTILE in page.text("#trail td:last-child"))
         nothing_ran(page)
+        page.click("#control")
         click(page, "#give")
 
 
@@ -167,7 +170,7 @@ def test_a_button_pressed_twice_answers_once_and_nothing_needs_hover(
         until(lambda: "N2" in page.text("#question") and page.value(ARMED))
         nothing_ran(page)
         twice(page, "#stop")
-        until(lambda: page.text("#state") == "■ stopped")
+        until(lambda: page.value(STATE) == "stopped")
         assert page.text("#trouble") == ""
         events = service.client.get(f"/runs/{run}/events.jsonl").text.splitlines()
         answers = [json.loads(line)["data"] for line in events if json.loads(line)["kind"] == "answer"]

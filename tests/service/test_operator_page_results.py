@@ -32,11 +32,18 @@ def kept_job(record: Path, dataset: str, own: str) -> None:
         (folder / name).write_text(text, encoding="utf-8")
 
 
-def click(page: Page, text: str) -> None:
-    found = (
-        f"[...document.querySelectorAll('#given a, #given button')].find((e) => e.textContent === '{text}')"
-    )
-    page.value(f"{found}.click()")
+def choose(page: Page, place: str, text: str) -> None:
+    """Choose an entry of the first menu in a place, as soon as it is offered."""
+
+    def chosen() -> bool:
+        return page.value(
+            f"(() => {{ const at = document.querySelector({json.dumps(place)}), open = at?.querySelector('.more');"
+            " if (!open || open.hidden) return false; if (open.getAttribute('aria-expanded') === 'false') open.click();"
+            f" const it = [...at.querySelectorAll('.menu button')].find((b) => b.textContent === {json.dumps(text)});"
+            " if (it) it.click(); else open.click(); return Boolean(it); })()"
+        )
+
+    until(chosen)
 
 
 @in_a_browser
@@ -50,61 +57,67 @@ def test_what_a_run_gave_is_one_click_away(tmp_path: Path) -> None:
         run = run_of(service, tmp_path)
         enter(page)
         page.value(f"location.hash = '#/run/{run}'")
-        until(lambda: page.value("Boolean(document.querySelector('#files'))"))
-        until(lambda: page.text("#state") == "✔ succeeded")
-        until(lambda: "events.jsonl" in page.text("#files"))
-        assert "data.csv" not in page.text("#files")
-        click(page, "Make the data set")
-        until(lambda: "data.csv" in page.text("#files"))
+        until(lambda: page.value("location.hash").startswith("#/diagnose/"))  # without a click
         (dataset,) = service.client.get("/datasets").json()["datasets"]
         assert dataset["run_id"] == run
+        (own,) = lists_its_own_only(service, dataset["id"])
+        assert page.value("location.hash") == f"#/diagnose/{own}"
+        service.until(f"/diagnoses/{own}", "succeeded", "failed")
 
         kept_job(record, dataset["id"], "29991120-143200-a")
         kept_job(record, "of-another-one", "29991120-143300-b")
-        assert lists_its_own_only(service, dataset["id"]) == ["29991120-143200-a"]
-        page.do("Page.reload")
-        until(lambda: page.value("document.readyState === 'complete'"))
-        until(lambda: page.value("Boolean(document.querySelector('#files'))"))
-        until(lambda: page.text("#files").count("diagnosis ") == 1)
-        bad = "{id: 'x', kind: 'diagnosis', state: 'succeeded', created_utc: '2026-11-20', result: {converged: false}}"
-        words = f"m.rowOfJob({bad}).slice(1).map((each) => each.textContent || each).join()"
-        told = page.value(f"import('/page/given.js').then((m) => {words})")
-        assert told == "It has not converged: no model.,download report"
-        click(page, "Identify")
-        until(lambda: page.value("location.hash").startswith("#/result/"))
-        until(lambda: "identification" in page.text("#desk h2"))
+        assert lists_its_own_only(service, dataset["id"]) == ["29991120-143200-a", own]
+        bad = "{id: 'x', kind: 'diagnosis', state: 'succeeded', result: {converged: false}}"
+        told = page.value(f"import('/page/data.js').then((m) => m.outcome({bad}))")
+        assert told == "It has not converged: no model."
+        page.value("location.hash = '#/data'")
+        until(lambda: page.text("#datasets").count("diagnosis ") == 2)
+        choose(page, "#datasets", "Identify")
+        until(lambda: page.value("location.hash").startswith("#/diagnose/"))
+        until(lambda: "identification" in page.text("#job"))
         page.value("history.back()")
-        until(lambda: page.value("Boolean(document.querySelector('#files'))"))
-        until(lambda: "identification " in page.text("#files"))
+        until(lambda: "identification " in page.text("#datasets"))
 
         saved = tmp_path / "saved"
         page.do("Page.setDownloadBehavior", behavior="allow", downloadPath=str(saved))
-        for text, path, name in (
-            ("download report", "/reports/29991120-143200-a", "29991120-143200-a-report.html"),
-            ("data.csv", f"/datasets/{dataset['id']}/data.csv", f"{dataset['id']}.csv"),
-            ("events.jsonl", f"/runs/{run}/events.jsonl", f"{run}-events.jsonl"),
+        for view, text, path, name in (
+            ("data", "Download data.csv", f"/datasets/{dataset['id']}/data.csv", f"{dataset['id']}.csv"),
+            (
+                "diagnose/29991120-143200-a",
+                "Download the report",
+                "/reports/29991120-143200-a",
+                "29991120-143200-a-report.html",
+            ),
+            (
+                f"measure/{run}",
+                "Download the record (events.jsonl)",
+                f"/runs/{run}/events.jsonl",
+                f"{run}-events.jsonl",
+            ),
         ):
-            click(page, text)
+            page.value(f"location.hash = '#/{view}'")
+            choose(page, "#desk", text)
             until((saved / name).is_file)
             content = service.client.get(path).content
             assert content
             until(lambda content=content, name=name: (saved / name).read_bytes() == content)
+        page.value("location.hash = '#/robots'")  # the list of runs has the state and the last result
+        until(lambda: "Done" in page.text("#runs") and "readings" in page.text("#runs"))
         assert page.text("#trouble") == ""
-        assert not [each for each in page.told if each["method"] in ("Log.entryAdded",)]
+        told = [json.dumps(each) for each in page.told if each["method"] == "Log.entryAdded"]
+        assert all("29991120-143200-a/arrows" in each for each in told)  # the made-up result has none
 
         page.click("#out")
         until(lambda: page.value("document.activeElement.id") == "token")
         page.type(service.hello["viewer_token"])
         page.press("Enter")
         until(lambda: page.value("!document.querySelector('#viewer').hidden"))
-        until(
-            lambda: (
-                page.value("Boolean(document.querySelector('#files'))") and "report" in page.text("#files")
-            )
-        )
+        page.value("location.hash = '#/data'")
+        until(lambda: page.text("#datasets").count("diagnosis ") == 2)
         assert not page.value(
-            "[...document.querySelectorAll('#given button')].some((b) => b.checkVisibility())"
+            "[...document.querySelectorAll('#datasets li > .row > .btn')].some((b) => b.checkVisibility())"
         )
+        assert not page.value("[...document.querySelectorAll('.menu .bad')].length")
 
 
 def lists_its_own_only(service: Served, dataset: str) -> list[str]:

@@ -12,9 +12,9 @@ from pathlib import Path
 
 from tests.drivers.waiting import until
 from tests.service.browser import Page
-from tests.service.operator_page import at_the_page, in_a_browser, run_of
+from tests.service.operator_page import at_the_page, in_a_browser, run_of, take_control
 
-ALARM = "NOT stopped: no connection. Use the emergency stop"
+ALARM = "The robot was not stopped: no connection. Use the emergency stop."
 
 
 def shown(page: Page, selector: str) -> bool:
@@ -32,18 +32,14 @@ def on_top(page: Page, selector: str) -> bool:
 @in_a_browser
 def test_it_says_at_once_that_nothing_is_stopped_and_recovers_by_itself(tmp_path: Path) -> None:
     with at_the_page(tmp_path) as (service, page):
-        until(lambda: page.value("Boolean(document.querySelector('#name'))"))
-        page.value("document.querySelector('#name').focus()")
-        page.type("bert")
-        page.click("#take")
-        until(lambda: page.text("#holder") == "You hold it as bert.")
+        take_control(page, "bert")
         service.client.headers["Lease-Id"] = page.value(
             "JSON.parse(sessionStorage.getItem('truepose-lease')).lease_id"
         )
         run_of(service, tmp_path)
         until(lambda: page.value("Boolean(document.querySelector('#question'))"))
         until(lambda: "N1" in page.text("#question"))
-        page.value("document.querySelector('#runs').focus()")
+        page.value("document.querySelector('#desk .more').focus()")
         until(lambda: not shown(page, "#silence"))
 
         assert (
@@ -62,15 +58,15 @@ def test_it_says_at_once_that_nothing_is_stopped_and_recovers_by_itself(tmp_path
             )
             assert page.value("document.querySelector('#desk').inert")
             assert page.value("document.querySelector('#confirm').disabled")
-            assert "You hold it" not in page.text("#holder")
-            assert "Grey values are from" in page.text("#since")
-            assert page.value("document.title").startswith("NO CONNECTION")
+            assert page.text("#holder") == "Not known: no connection"
+            assert "Everything below is from" in page.text("#since")
+            assert page.value("document.title").startswith("No connection")
             page.value("document.documentElement.dataset.page = 'of an older version'")
         finally:
             service.process.send_signal(signal.SIGCONT)
         until(lambda: not shown(page, "#silence"))
         until(lambda: not page.value("document.querySelector('#desk').inert"))
-        assert page.value("document.activeElement.id") == "runs"  # the focus is where it was
+        assert page.value("document.activeElement.matches('#desk .more')")  # the focus is where it was
         until(lambda: shown(page, "#old"))  # when the service was exchanged meanwhile
         assert on_top(page, "#stop")
         # On a machine that took long about it the lease has lapsed meanwhile, and nothing is asked any more.
@@ -79,14 +75,14 @@ def test_it_says_at_once_that_nothing_is_stopped_and_recovers_by_itself(tmp_path
                 page.value(
                     "document.querySelector('#asking').hidden || !document.querySelector('#confirm').disabled"
                 )
-                and "the holder is not known" not in page.text("#holder")
+                and "Not known" not in page.text("#holder")
             )
         )
 
         service.process.kill()
         until(lambda: shown(page, "#alarm"))
         page.press("Escape")
-        until(lambda: "had no answer" in page.text("#trouble"))
+        until(lambda: "No answer to what you pressed" in page.text("#trouble"))
         assert page.text("#alarm") == ALARM
         assert on_top(page, "#stop")
 
@@ -94,8 +90,8 @@ def test_it_says_at_once_that_nothing_is_stopped_and_recovers_by_itself(tmp_path
         assert page.value(
             "document.querySelector('#desk').inert && document.querySelector('#confirm').disabled"
         )
-        page.value("void (location.hash = '#/cell')")
-        until(lambda: "Devices" in page.text("#desk table"))
-        page.value("void (location.hash = '#/result')")
-        until(lambda: "Nothing is known of this yet" in page.text(".unheard"))
+        page.value("void (location.hash = '#/prepare')")
+        until(lambda: page.text("#title").startswith("What should"))
+        page.value("void (location.hash = '#/data')")
+        until(lambda: page.text(".unheard") == "No connection yet.")
         assert shown(page, "#alarm")

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from tests.drivers.waiting import until
 from tests.service.browser import Page
-from tests.service.operator_page import ARMED, at_the_page, in_a_browser, run_of
+from tests.service.operator_page import ARMED, STATE, at_the_page, in_a_browser, run_of
 from tests.service.test_http_support import Served
 from tests.service.test_operator_page_silence import shown
 
@@ -61,14 +61,15 @@ def test_a_finger_confirms_follows_a_link_and_stops(tmp_path: Path) -> None:
         page.do("Emulation.setDeviceMetricsOverride", **size)
         assert page.value("navigator.maxTouchPoints") == 5
         page.value(
-            "window.fingers = []; addEventListener('click', (e) => fingers.push([e.pointerType, e.target.id]), true)"
+            "window.fingers = []; addEventListener('click',"
+            " (e) => fingers.push([e.pointerType, e.target.closest('[id]').id]), true)"
         )
         until(lambda: page.value(ARMED) and hit(page, "confirm"))
         until(lambda: "N2" in page.text("#question"))
         assert page.value("fingers.filter(([, id]) => id === 'confirm')") == [["touch", "confirm"]]
         if not page.value(ARMED):  # on a machine that is not too busy for it: the second tap is none
             tap(page, "#confirm")
-        for view in ("robots", "run"):  # until it was hit: a view that is still being drawn moves away
+        for view in ("robots", "data"):  # until it was hit: a view that is still being drawn moves away
             until(
                 lambda view=view: (
                     page.value("location.hash").startswith(f"#/{view}")
@@ -77,7 +78,8 @@ def test_a_finger_confirms_follows_a_link_and_stops(tmp_path: Path) -> None:
             )
         until(lambda: hit(page, "stop"))
         service.until(f"/runs/{run}", "stopped")
-        until(lambda: page.text("#state") == "■ stopped")
+        page.value(f"location.hash = '#/measure/{run}'")
+        until(lambda: page.value(STATE) == "stopped")
         assert page.value("fingers.every(([kind]) => kind === 'touch')")
 
 
@@ -103,19 +105,20 @@ def test_over_a_slow_line_it_is_slow_and_not_silent(tmp_path: Path) -> None:
         assert page.value(took) > LATENCY_MS  # or this test would say nothing
         until(lambda: page.value(ARMED))
         page.click("#confirm")
-        until(lambda: page.text("#question").startswith("Seat the SMR in N2"))
-        for view in ("robots", "campaigns", "cell", "run"):
-            page.value(f"document.querySelector(\"nav a[href='#/{view}']\").click()")
+        until(lambda: page.text("#question").startswith("Put the SMR in N2"))
+        for view in ("robots", "data", "prepare", f"measure/{run}"):
+            here = f"nav a[href='#/{view}']"
+            page.value(f"document.querySelector({json.dumps(here)}).click()")
             until(
-                lambda view=view: (
-                    page.value("document.querySelector('nav [aria-current]')?.hash") == f"#/{view}"
+                lambda here=here: page.value(
+                    f"document.querySelector({json.dumps(here)}).matches('[aria-current]')"
                 )
             )
         until(lambda: "N2" in page.text("#question"))
         slow(page, LATE_MS)
         page.press("Escape")
         service.until(f"/runs/{run}", "stopped")
-        until(lambda: page.text("#state") == "■ stopped")
+        until(lambda: page.value(STATE) == "stopped")
         until(lambda: not shown(page, "#silence"))  # what was late has come
         assert any("no answer yet" in each for each in page.value("bands"))
         assert not page.value("document.querySelector('#desk').inert")

@@ -19,7 +19,7 @@ from service.http.routes.pages.page import FOLDER, MODULES
 from tests.drivers.waiting import until
 from tests.end_to_end.simulated import campaign_file, cell_file
 from tests.service.browser import Page
-from tests.service.operator_page import ARMED, enter, in_a_browser
+from tests.service.operator_page import ARMED, STATE, answerable, enter, in_a_browser, take_control
 from tests.service.test_http_support import Served, lasting_port, served
 from tests.service.workplace import audit, enter_on, open_view, reachable, tab_to
 
@@ -49,7 +49,7 @@ def campaign(folder: Path, name: str) -> Path:
 
 
 def confirm(page: Page, name: str) -> None:
-    until(lambda: name in page.text("#question") and page.value(ARMED))
+    until(lambda: name in page.text("#question") and answerable(page))
     enter_on(page, "#confirm")
 
 
@@ -58,54 +58,60 @@ def test_a_whole_campaign_by_keyboard(service: Served, window: Page, tmp_path: P
     with window.another(f"{service.url}/#/cell") as page:
         enter(page)
         assert page.value("document.createElement('canvas').getContext('webgl')") is None
-        until(lambda: page.text("caption") == "Devices")
-        until(lambda: page.value("document.querySelectorAll('.scene line').length") > 10)  # without WebGL
+        until(lambda: "no WebGL" in page.text(".no3d") and "N3" in page.text(".no3d"))
         audit(page)
 
-        open_view(page, "campaigns")
-        audit(page)
         page.choose("#file", campaign(tmp_path, HOSTILE.replace("/", "")))
-        until(lambda: page.text("#desk h2") == HOSTILE)
+        until(lambda: page.text("#title") == "Ready to measure")  # by itself: nothing moves
+        assert HOSTILE in page.text("#steps")
         assert page.value("document.querySelectorAll('img').length") == 0
-        enter_on(page, "#dry")
-        until(lambda: page.text("#verdict").startswith("✔ 24 readings"))
-        assert page.value("document.querySelectorAll('.scene .mark').length") == 24
-        assert page.value("document.querySelectorAll('.scene .box').length") == 6
+        assert "24 readings" in page.text("#desk .facts")
+        assert page.value("document.querySelectorAll('.pose-list li').length") == 24
         audit(page)
-        assert page.value("document.querySelector('#start').disabled")  # nobody holds the lease
-        at = page.value("location.hash")
-
-        open_view(page, "cell")
-        tab_to(page, "#name")
-        page.type("anna")
-        page.press("Enter")
-        until(lambda: page.text("#holder") == "You hold it as anna.")
-        page.value("history.back()")
-        until(lambda: page.value("location.hash") == at)
         enter_on(page, "#start")
+        assert page.value("document.activeElement.id") == "seen"  # nobody has looked into the cell
+        page.click("#seen")
+        enter_on(page, "#desk .more")
+        assert page.text("#measure-only") == "Measure and diagnose only: the robot moves"
+        page.press("Enter")
+        until(lambda: page.text("#trouble") == "Enter your name first.")
+        page.type("anna")
+        tab_to(page, "#desk .more")
+        page.press("Enter")
+        page.press("Enter")
+        until(lambda: page.text("#holder") == "You are in control")
+        assert page.text("#control .k") == "anna"
         for name in ("N1", "N2"):
             confirm(page, name)
         until(lambda: "N3" in page.text("#question"))
-        assert "N3" in page.value("document.querySelector('.prompt-picture .strong').textContent")
+        assert "N3" in page.text(".prompt-picture .strong")
         audit(page)
         leaves_one_out(page)
         confirm(page, "N3")
         confirm(page, "T2")
-        until(lambda: page.text("#state") == "✔ succeeded")
-        assert "1 skipped" in page.text("#done")
-        assert "mm off" in page.text("#reading")
-        until(lambda: page.value("document.querySelectorAll('#errors circle, #errors rect').length") > 20)
-
-        enter_on(page, "#export")
-        until(lambda: page.value("document.querySelectorAll('#files li > button').length") == 2)
-        audit(page)
-        enter_on(page, "#files button")  # Identify
-        until(lambda: page.text("#job") == "✔ succeeded")
-        until(lambda: page.value("document.querySelectorAll('.scene .error').length") == 4)
-        assert "Nominal robot as found" in page.text("table")
+        run = page.value("location.hash")
+        until(lambda: page.value("location.hash").startswith("#/diagnose/"))  # the data set, too, by itself
+        until(lambda: page.value(STATE) == "succeeded")
+        until(lambda: page.value("document.querySelectorAll('.pose-list li').length") == 4)  # held out
+        assert "As found" in page.text(".ladder")
         arrows_are_the_errors(service, page.value("location.hash").rpartition("/")[2])
         audit(page)
-        tab_to(page, "a[href^='#/report/']")
+        here = page.value("location.hash")
+        page.value(f"location.hash = '{run}'")
+        until(lambda: page.text("#see-result") == "See the result")
+        assert "1 skipped" in page.text("#done")
+        assert "mm off" in page.text("#reading")
+        until(lambda: page.value("document.querySelector('#run .errors').dataset.points") == "23")
+        audit(page)
+        page.value(f"location.hash = '{here}'")
+        for step in ("correct", "verify"):
+            until(lambda step=step: page.value(f"Boolean(document.querySelector('#to-{step}'))"))
+            tab_to(page, f"#to-{step}")
+            page.press("Enter")
+            until(lambda step=step: page.value("location.hash").startswith(f"#/{step}/"))
+            audit(page)
+        until(lambda: page.value("Boolean(document.querySelector('#open-report'))"))
+        tab_to(page, "#open-report")
         page.press("Enter")
         until(
             lambda: page.value("Boolean(document.querySelector('#report')?.shadowRoot?.querySelector('h1'))")
@@ -113,7 +119,7 @@ def test_a_whole_campaign_by_keyboard(service: Served, window: Page, tmp_path: P
         inside = "document.querySelector('#report').shadowRoot"
         assert page.value(f"getComputedStyle({inside}.querySelector('.simulated')).borderTopWidth") == "2px"
         assert page.value(f"{inside}.querySelectorAll('script, [onload], [onclick]').length") == 0
-        for view in ("robots", "report", "result"):
+        for view in ("robots", "report", "data"):
             open_view(page, view)
             until(lambda: page.value("Boolean(document.querySelector('#desk a.do'))"))
             audit(page)
@@ -131,7 +137,7 @@ def arrows_are_the_errors(service: Served, job: str) -> None:
     drawn = service.client.get(f"/results/{job}/arrows").json()
     stated = service.client.get(f"/results/{job}").json()["result"]
     assert (drawn["held_out"], drawn["readings"]) == (True, 4)
-    for which, errors in (("nominal_mm", "error_nominal_mm"), ("model_mm", "error_identified_mm")):
+    for which, errors in (("nominal_mm", "error_nominal_mm"), ("model_mm", "error_after_mm")):
         lengths = [math.hypot(*each[which]) for each in drawn["arrows"]]
         rms = math.sqrt(sum(length**2 for length in lengths) / len(lengths))
         assert rms == pytest.approx(stated[errors]["rms"], rel=2e-3)
@@ -139,8 +145,12 @@ def arrows_are_the_errors(service: Served, job: str) -> None:
 
 def leaves_one_out(page: Page) -> None:
     """A planned pose, after its price was asked."""
-    enter_on(page, "#worth")
-    until(lambda: "mm" in page.text("#price"))
+    page.value(
+        "(() => { const pose = document.querySelector('#pose'); pose.value = pose.options[3].value;"
+        " pose.dispatchEvent(new Event('change')); })()"
+    )
+    until(lambda: "predicted error" in page.text("#price").lower())
+    until(lambda: page.value("document.querySelectorAll('.pose-list [aria-pressed=true]').length") == 1)
     assert page.value("document.querySelector('#retake').disabled")  # nothing is measured there
     tab_to(page, "#pose-reason")
     page.type("its cable is tight")
@@ -157,11 +167,7 @@ def test_two_tabs_a_reload_and_a_service_that_dies(cell: Path, window: Page, tmp
         window.another(f"{service.url}/") as page,
     ):
         enter(page)
-        until(lambda: page.text("#holder").startswith("Nobody"))
-        tab_to(page, "#name")
-        page.type("bert")
-        page.press("Enter")
-        until(lambda: page.text("#holder") == "You hold it as bert.")
+        take_control(page, "bert")
         service.client.headers["Lease-Id"] = page.value(
             "JSON.parse(sessionStorage['truepose-lease']).lease_id"
         )
@@ -175,9 +181,11 @@ def test_two_tabs_a_reload_and_a_service_that_dies(cell: Path, window: Page, tmp
         with page.another(f"{service.url}/") as second:
             enter(second)
             until(lambda: "N1" in second.text("#question"))
-            assert second.text("#holder") == "bert holds it."
+            assert second.text("#holder") == "bert is in control"
             second.value("location.hash = '#/robots'")
-            until(lambda: "asks you" in second.text("#busy"))  # wherever one is
+            until(
+                lambda: "Your turn" in second.text("#steps") and "Your turn" in second.value("document.title")
+            )
             second.value("history.back()")
             until(lambda: second.value(f"Boolean(document.querySelector('#confirm')) && {ARMED}"))
             second.click("#confirm")
@@ -187,18 +195,20 @@ def test_two_tabs_a_reload_and_a_service_that_dies(cell: Path, window: Page, tmp
         until(lambda: page.value("document.readyState === 'complete'") and "N2" in page.text("#question"))
         service.process.send_signal(signal.SIGKILL)
         service.process.wait()
-        until(lambda: page.text("#alarm") == "NOT stopped: no connection. Use the emergency stop")
+        until(
+            lambda: page.text("#alarm") == "The robot was not stopped: no connection. Use the emergency stop."
+        )
         assert reachable(page, "#stop")
         with served(record, *at) as again:
             until(lambda: page.value("document.querySelector('#silence').hidden"))
-            until(lambda: page.text("#state") == "‖ paused")
+            until(lambda: page.value(STATE) == "paused")
             assert page.value("document.querySelector('#asking').hidden")
             until(lambda: page.text("#holder").startswith("Nobody"))
             assert again.client.get("/cell").json()["run_id"] is None
             assert again.client.get(f"/runs/{run}").json()["done"] == 0
             assert again.client.get("/cell").json()["last_run_id"] == run
             page.value("location.hash = '#/cell'")
-            until(lambda: re.search("‖ .*: paused", page.text("#desk")))  # not that no run uses the robot
+            until(lambda: "Paused" in page.text("#devices") and "Paused" in page.text("#steps"))
 
 
 def test_every_word_is_in_the_table_and_every_entry_is_used() -> None:

@@ -57,12 +57,12 @@ def test_from_the_list_to_a_robot_and_back(tmp_path: Path) -> None:
         tab_to(page, f".robots a[href='#/robot/{robot}']")
         page.press("Enter")
         until(lambda: page.value("document.querySelectorAll('.trend').length") > 0)
-        assert page.text("#desk h2") == "Robot"
+        assert page.text("#title") == "Robot"
         assert CHANGED in page.text("#desk")
         assert page.value("document.querySelector('#baseline').options.length") == 3
         page.value("document.querySelector('#steady').open = true")
-        until(lambda: page.value("document.querySelectorAll('#steady .trend .limit').length") == 2)
-        drawn = page.value("document.querySelector('#steady .trend').getAttribute('aria-label')")
+        until(lambda: page.value("document.querySelector('#steady .trend')?.dataset.limits") == "2")
+        drawn = page.value("document.querySelector('#steady .trend .chart').getAttribute('aria-label')")
         assert drawn.startswith("d1: 3 values, last 1.490 ± 0.010 mm")
         audit(page)
         before = page.text(".big .overdue, section p.big")
@@ -74,7 +74,7 @@ def test_from_the_list_to_a_robot_and_back(tmp_path: Path) -> None:
 
         enter_on(page, "#plan-watch button")  # by a baseline of three numbers: refused, and said
         until(lambda: page.value("location.hash").startswith("#/watch/"))
-        until(lambda: page.text("#job") == "✖ failed")
+        until(lambda: page.text("#job") == "✖ Did not finish")
         until(lambda: page.value("Boolean(document.querySelector('.bad'))"))
         audit(page)
         page.value("history.back()")
@@ -88,5 +88,5 @@ def test_from_the_list_to_a_robot_and_back(tmp_path: Path) -> None:
 
         service.process.kill()
         until(lambda: page.value("!document.querySelector('#silence').hidden"))
-        assert page.text("#alarm").startswith("NOT stopped")
+        assert page.text("#alarm").startswith("The robot was not stopped")
         assert HOSTILE in page.text("#desk")

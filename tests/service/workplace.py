@@ -12,20 +12,28 @@ from tests.service.browser import Page
 AXE = Path(__file__).parent / "vendored" / "axe_core" / "axe.min.js"
 ARMED = "document.querySelector('#confirm').getAttribute('aria-disabled') === 'false'"
 MOST_TABS = 120
-_TOUCHED = "button, select, summary, nav a, a.do, label.check, input:not([type=checkbox], [type=radio], [type=range])"
+_TOUCHED = (
+    "button, select, summary, nav a, a.do, a.btn, label.check, "
+    "input:not([type=checkbox], [type=radio], [type=range], .drop *)"
+)
 _SMALL = f"""
     [...document.querySelectorAll("{_TOUCHED}")]
-      .filter((each) => each.checkVisibility() && each.getBoundingClientRect().height < 59.5)
+      .filter((each) => each.checkVisibility() && !each.classList.contains("gone"))
+      .filter((each) => each.getBoundingClientRect().height < 59.5)
       .map((each) => each.outerHTML.slice(0, 90))
 """
 _BEYOND = """
-    [...document.querySelectorAll("#desk *")]
-      .filter((each) => each.getBoundingClientRect().right > 390.5 && !each.closest(".scroll"))
+    [...document.querySelectorAll("body *")]
+      .filter((each) => each.getBoundingClientRect().right > 390.5)
+      .filter((each) => each.checkVisibility() && !each.closest(".scroll"))
       .map((each) => each.outerHTML.slice(0, 90))
 """
 _VIOLATIONS = """
     axe.run(document, { resultTypes: ["violations"] }).then((found) => found.violations
       .map((each) => [each.id, ...each.nodes.slice(0, 4).map((node) => `${node.target}: ${node.failureSummary}`)]))
+"""
+_FILLED = """
+    [...document.querySelectorAll(".btn.primary")].filter((each) => each.checkVisibility()).length
 """
 _TYPED = """
     (async () => {
@@ -41,6 +49,14 @@ _TYPED = """
         return [typed(cards[1]).value, typed(cards[2]).value];
     })()
 """
+
+
+def _seen(scheme: str) -> list[dict[str, str]]:
+    """The media features of a screen that is light or dark, on which nothing fades."""
+    return [
+        {"name": "prefers-color-scheme", "value": scheme},
+        {"name": "prefers-reduced-motion", "value": "reduce"},
+    ]
 
 
 def tab_to(page: Page, selector: str) -> None:
@@ -65,13 +81,13 @@ def open_view(page: Page, view: str) -> None:
     """Open a view by its link, with the keyboard."""
     tab_to(page, f"nav a[href='#/{view}']")
     page.press("Enter")
-    until(lambda: page.value("document.querySelector('nav [aria-current]')?.hash") == f"#/{view}")
+    until(lambda: page.value(f"document.querySelector(\"nav a[href='#/{view}']\").matches('[aria-current]')"))
 
 
 def outlives_another_view(page: Page) -> None:
     """A reason that is half typed, and numbers; the next question gets neither."""
     here = page.value("location.hash")
-    page.value("void (location.hash = '#/cell')")
+    page.value("void (location.hash = '#/prepare')")
     until(lambda: not page.value("Boolean(document.querySelector('#reason'))"))
     page.value(f"void (location.hash = {json.dumps(here)})")
     until(lambda: page.value("document.querySelector('#reason')?.value") == "the nest is bent")
@@ -95,17 +111,21 @@ def violations(page: Page) -> list[Any]:
 
 
 def audit(page: Page) -> None:
-    """Check the current view: axe finds nothing, a telephone shows it whole, fingers hit it.
+    """Check the current view: axe finds nothing, light or dark, a telephone shows it whole, fingers hit it.
 
-    Stop must be in reach.
+    Stop must be in reach, and no more than one button is filled.
     """
     where = page.value("location.hash")
-    assert not (found := violations(page)), (where, found)
+    for scheme in ("dark", "light"):
+        page.do("Emulation.setEmulatedMedia", features=_seen(scheme))
+        assert not (found := violations(page)), (where, scheme, found)
+    assert page.value(_FILLED) <= 1, where
     page.width(390)
     try:
         wide = page.value("document.documentElement.scrollWidth")
         assert wide <= 390, (where, wide, page.value(_BEYOND))
-        assert page.value(_SMALL) == [], where
+        small = page.value(_SMALL)
+        assert not small, (where, small)
         page.value("scrollTo(0, document.body.scrollHeight)")
         assert reachable(page, "#stop"), where
         page.value("scrollTo(0, 0)")

@@ -1,10 +1,10 @@
 """The operator page: a frame in which a browser runs the modules of the service.
 
 It holds nothing of the cell and needs no token. It requests its content with the token that a person pastes.
-The Content-Security-Policy lets it talk only to this service. Its script is recognised by a number that is
+The Content-Security-Policy lets it talk only to this service. Its scripts are recognised by a number that is
 drawn for every answer; text that another party writes into the page does not have it. Modules that a recognised
-one imports are recognised too. Source: Content Security Policy Level 3 (W3C), nonces, and hashes of inline
-styles.
+one imports are recognised too. Libraries of others are in `static/vendor`, unchanged. Source: Content Security
+Policy Level 3 (W3C), nonces, and hashes of inline styles.
 """
 
 from __future__ import annotations
@@ -24,6 +24,8 @@ from service.http.wire.problems import not_found
 router = APIRouter()
 FOLDER = Path(__file__).parents[3] / "static"
 MODULES = tuple(sorted(path.name for path in FOLDER.glob("*.js")))
+VENDORED = tuple(sorted(path.name for path in (FOLDER / "vendor").glob("*.js")))
+_STYLES = ("vendor/uPlot.min.css", "tokens.css", "page.css")
 _HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
@@ -37,16 +39,17 @@ def page_hash() -> str:
 
     By it an open page checks whether a service that is back still has the same page.
     """
-    texts = (path.read_bytes() for path in sorted(FOLDER.iterdir()) if path.is_file())
+    texts = (path.read_bytes() for path in sorted(FOLDER.rglob("*")) if path.is_file())
     return hashlib.sha256(b"".join(texts)).hexdigest()[:12]
 
 
 def page_text(nonce: str) -> str:
-    """Return the page with its style in it, and its script marked with this number."""
-    text, style = ((FOLDER / name).read_text(encoding="utf-8") for name in ("page.html", "page.css"))
+    """Return the page with its style in it, and its scripts marked with this number."""
+    text, *styles = ((FOLDER / name).read_text(encoding="utf-8") for name in ("page.html", *_STYLES))
+    style = "\n".join(styles)
     text = text.replace("<style></style>", f"<style>{style}</style>")
     text = text.replace('<html lang="en">', f'<html lang="en" data-page="{page_hash()}">')
-    return text.replace('<script type="module"', f'<script type="module" nonce="{nonce}"')
+    return text.replace("<script ", f'<script nonce="{nonce}" ')
 
 
 def policy_of(page: str, nonce: str) -> str:
@@ -71,10 +74,20 @@ def operator_page() -> HTMLResponse:
     return HTMLResponse(page, headers=_HEADERS | {"Content-Security-Policy": policy_of(page, nonce)})
 
 
+def _script(folder: Path, names: tuple[str, ...], name: str) -> Response:
+    if name not in names:
+        raise not_found("module", name)
+    text = (folder / name).read_text(encoding="utf-8")
+    return Response(text, media_type="text/javascript; charset=utf-8", headers=_HEADERS)
+
+
 @router.get("/page/{name}", include_in_schema=False)
 def module(name: str) -> Response:
     """Serve a module of the page."""
-    if name not in MODULES:
-        raise not_found("module", name)
-    text = (FOLDER / name).read_text(encoding="utf-8")
-    return Response(text, media_type="text/javascript; charset=utf-8", headers=_HEADERS)
+    return _script(FOLDER, MODULES, name)
+
+
+@router.get("/page/vendor/{name}", include_in_schema=False)
+def vendored(name: str) -> Response:
+    """Serve a library that the page uses."""
+    return _script(FOLDER / "vendor", VENDORED, name)
