@@ -134,7 +134,7 @@ export function open(root, id, step = 3) {
     });
     const posed = plan ? posesOf(plan) : [], visited = posed.filter((visits) => visits.some((visit) => visit.readings.some((each) => each.status === "measured"))).length;
     meter.max = Math.max(run.total, 1); meter.value = run.done;
-    const doneWords = t("doneOf", { done: run.done, total: run.total }) + (run.skipped ? `, ${t("skippedOf", { n: run.skipped })}` : ""), leftWords = silent ? "" : run.dry_run && run.seconds_left ? t("wouldTake", { time: duration(run.seconds_left) }) : [warming(), timeLeft(run, looking)].filter(Boolean).join(" · ");
+    const doneWords = t("doneOf", { done: run.done, total: run.total }) + (run.skipped ? `, ${t("skippedOf", { n: run.skipped })}` : ""), leftWords = silent ? "" : run.dry_run && run.seconds_left ? t("wouldTake", { time: duration(run.seconds_left) }) : ["", warming(), timeLeft(run, looking)].filter((each, i) => !i || each).join(" · ");
     if (root.querySelector("#done").textContent !== doneWords) root.querySelector("#done").textContent = doneWords;
     if (root.querySelector("#left").textContent !== leftWords) root.querySelector("#left").textContent = leftWords;
     const last = run.last_reading, by_ = last && residual(last);

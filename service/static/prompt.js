@@ -6,7 +6,7 @@ import { fold, h, icon } from "./dom.js";
 import { promptPicture, promptWords } from "./pictures.js";
 import { KEYS, t } from "./words.js";
 
-const ARMED_MS = 1500, NOT_ASKED = 3020, VERBS = ["confirm", "redo", "skip", "pause", "abort"];
+const ARMED_MS = 1500, NOT_ASKED = 3020, SAME = /^Seat the SMR in \S+ and press confirm\.$/, VERBS = ["confirm", "redo", "skip", "pause", "abort"];
 
 // A card with `show(run, scene)` and `answer(verb, reason)`; `end()` asks once more before the campaign is ended. The buttons
 // take no answer before the question can have been read: a click may have been meant for the one before.
@@ -85,7 +85,7 @@ export function promptCard(end) {
       const mine = promptWords(prompt);  // short; the service says it with all figures
       asked = prompt.id; armed = ""; reason.value = draftOf(prompt).reason; wrong.open = Boolean(reason.value);
       question.textContent = mine || prompt.text;
-      original.textContent = mine && mine !== prompt.text ? prompt.text : "";
+      original.textContent = mine && mine !== prompt.text && !SAME.test(prompt.text) ? prompt.text : "";
       askNumbers(prompt.entry, draftOf(prompt).typed, /^(drive|pendant)/.test(prompt.picture || ""));
       setTimeout(() => { if (asked === prompt.id) { armed = asked; dress(); } }, ARMED_MS);
     }

@@ -346,7 +346,7 @@ const WORDS = {
   dev_idle: "ready",
   dev_moving: "moving",
   dev_measuring: "measuring",
-  dev_still: "standing still",
+  dev_still: "at rest",
   dev_unknown: "unknown",
   title_ready: "Ready",
   title_running: "Measuring",
