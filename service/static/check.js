@@ -46,8 +46,8 @@ export function open(root, id) {
         walk({ checked: { campaign: id, run: dry } });
         picture.show({ ...scene, path_mm: plan.path_mm, marks: marks(plan), says: t("planSays"), described: t("planDescribed", { poses: posesOf(plan).length, boxes: scene.obstacles.length }) });
       } else {
-        await ask("POST", "/loops", { ...road.wish, dry_run: true });
-        walk({ checked: { campaign: "", run: null } });
+        const { outlook } = await ask("POST", "/loops", { ...road.wish, poses: Number(count.value), dry_run: true });
+        walk({ checked: { campaign: "", run: null, outlook } });
         picture.show({ ...scene, says: t("cellSays"), described: t("cellPicture") });
       }
     } catch (error) {
@@ -80,13 +80,15 @@ export function open(root, id) {
     fill(bad, [faults, refused && refused.message], () => n ? card(t("toPutRight"), h("ul", { className: "finds" }, faults.map((each) => line("alert", "bad", `${device(each)}: ${each.found}`, each.do)), refused && line("alert", "bad", refused.message, refused.whatToDo))) : []);
     fill(worth, notes, () => notes.length ? card(t("worthKnowing"), h("ul", { className: "finds" }, notes.map((each) => line("info", "note", `${device(each)}, ${named(each.check)}: ${each.found}`, each.do)))) : []);
     fill(good, fine, () => fine.length ? fold(t("goodChecks", { n: fine.length }), t("examinedIn", { s: number(found.seconds, 1) }), table(t("check"), [t("what"), t("check"), t("found")], fine.map((each) => [device(each), named(each.check), each.found]))) : []);
-    factsCard.hidden = !(plan || road.wish); pictured.hidden = !ready;
-    fill(facts, [plan && plan.seconds, road.wish], () => {
+    factsCard.hidden = !(plan || (road.checked && road.checked.outlook)); pictured.hidden = !ready;
+    fill(facts, [plan && plan.seconds, road.checked && road.checked.outlook], () => {
       if (plan) {
         const readings = plan.visits.filter((each) => each.seconds !== null).flatMap((each) => each.readings).length;
         return [fact(t("poses"), String(posesOf(plan).length), t("readingsN", { n: readings })), fact(t("time"), duration(plan.seconds), t("doneAt", { at: moment(new Date(Date.now() + 1000 * plan.seconds)) })), fact(t("overHome"), plan.detours === null ? t("notLooked") : String(plan.detours))];
       }
-      return road.wish ? [fact(t("accuracyWanted"), `${number(road.wish.accuracy_mm, 2)} mm`, t("mmFor95")), fact(t("minutesAtMost"), `${road.wish.minutes} min`), fact(t("poses"), t("chosenWhile"))] : [];
+      const o = road.checked && road.checked.outlook;
+      if (!o) return [];
+      return [fact(t("poses"), o.poses === null ? t("moreThan", { n: o.most }) : t("about", { n: o.poses }), t("readingsEach", { n: o.targets })), fact(t("time"), t("aboutMin", { n: number(o.minutes, 0) }), t("minutesMost", { n: road.wish.minutes })), fact(t("expected"), `${number(o.limit_mm, 3)} mm`, t("wantedFloor", { mm: number(o.wanted_mm, 2), floor: number(o.floor_mm, 3) }))];
     });
     proof.hidden = lengths || looks; asked.hidden = by !== "nobody"; confirm.hidden = !ready || looks || by === "other" || busy();
     options.show();

@@ -119,7 +119,7 @@ export function open(root, id, step = 3) {
   function show() {
     if (!run) return;
     const looking = looksOn(), { silent } = connection, by = control(), going = ["running", "waiting_for_operator"].includes(run.state), a = run.accuracy;
-    const says = run.dry_run ? t("dryRunShort") : run.state === "running" && run.done >= run.total && run.total ? t("allDone") : t(`title_${run.state}`);
+    const says = run.dry_run ? t("dryRunShort") : run.state === "running" && run.done >= run.total && run.total ? t(a ? !a.ended ? "choosing" : "allDone" : road.wish ? "choosing" : "allDone") : t(`title_${run.state}`);
     if (title.textContent !== says) title.textContent = says;
     title.dataset.state = run.state;
     fill(box, [run.prompt ? "" : run.reason, run.error, run.state, a && [a.reached, a.reason], diagnosing, outcome && outcome.id, outcome && outcome.state], () => {

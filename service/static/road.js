@@ -44,13 +44,13 @@ export function far() {
 }
 
 function sayings(at) {
-  const { plan, wish, run, job } = road, r = job && job.result, errors = r ? errorsOf(job) : {}, ask_ = run && run.state === "waiting_for_operator";
+  const { plan, wish, run, job } = road, r = job && job.result, errors = r ? errorsOf({ ...job, result: { ...r, verification: null } }) : {}, ask_ = run && run.state === "waiting_for_operator";
   const two = (a, b) => `${number(a, 2)} → ${number(b, 2)} mm`;
   return [
     wish ? `${number(wish.accuracy_mm, 2)} mm` : plan ? plan.name || t("fixedPlan") : at === 0 ? t("say_prepare") : "",
     at > 1 && (road.checked || run) ? t("say_checked") : at === 1 ? t("say_check") : "",
     run && !run.dry_run ? (ask_ ? t("asksYou") : run.state === "running" || run.state === "succeeded" ? t("doneOf", { done: run.done, total: run.total }) : t(`state_${run.state}`)) : job ? t("say_uploaded") : "",
-    r && errors.last !== null && errors.first !== null ? two(errors.first, r.verification ? r.error_after_mm?.rms ?? errors.last : errors.last) : at === 3 ? t("say_diagnose") : "",
+    r && errors.last !== null && errors.first !== null ? two(errors.first, errors.last) : r ? t((r.effects || []).length ? "say_cause" : "say_no_cause") : at === 3 ? t("say_diagnose") : "",
     road.used || (at === 4 ? t("say_correct") : at === 6 ? t("say_corrected") : ""),
     r && r.verification ? two(r.verification.error_uncorrected_mm?.rms, r.verification.error_verified_mm.rms) : "",
   ];
