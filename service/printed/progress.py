@@ -13,7 +13,7 @@ from acquisition.run import PROMPT
 from calib.units import percent
 from drivers.operator import TerminalOperator
 from service.printed.terminal import Terminal, duration
-from service.wording import counted
+from service.wording import VERDICT_NAMES, counted
 
 LINES = 20  # of progress in a log, where a line per reading would be too many
 _SENTENCES = {
@@ -78,6 +78,8 @@ class RunProgress:
             self._show_path(event.data)
         elif event.kind in ("reading", "skipped"):
             self._show(self._run.status())
+        elif event.kind == "accuracy":
+            self._terminal.say(_accuracy(event.data))
         elif event.kind in _SENTENCES:
             self._terminal.say(_SENTENCES[event.kind])
 
@@ -105,6 +107,21 @@ def _taught(data: Mapping[str, Any]) -> str:
     return (
         f"the cups were touched up to {data['off_mm']:.2f} mm from where the cell file has them; "
         f"{data['poses']} poses planned anew{left_out}"
+    )
+
+
+def _accuracy(data: Mapping[str, Any]) -> str:
+    """Describe what the poses so far promise, in one line."""
+    poses = counted(data["poses"], "pose")
+    if data["ended"]:
+        return data["ended"]
+    if data["bound_mm"] is None:
+        return f"{poses}: too few to tell the accuracy"
+    left = "" if data["poses_left"] is None else f", about {data['poses_left']} more to go"
+    verdict = VERDICT_NAMES[data["verdict"]].lower()
+    return (
+        f"{poses}: RMS error below {data['bound_mm']:.3f} mm (95 %), {data['wanted_mm']:g} mm are wanted; diagnosis so "
+        f"far: {verdict}{left}"
     )
 
 
