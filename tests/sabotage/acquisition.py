@@ -20,7 +20,37 @@ _PLAN = (
     "tests/acquisition/test_blocks.py",
 )
 
+_ADAPTIVE = ("tests/acquisition/test_adaptive.py", "tests/calib/test_sequential.py")
+
 CHANGES = (
+    Change(
+        "acquisition/run/adaptive.py",
+        "    check_plan(cell, [last, *_with_reference(campaign, plan, added)])\n",
+        "",
+        "a batch of an adaptive block is driven unchecked",
+        _ADAPTIVE,
+    ),
+    Change(
+        "acquisition/run/adaptive.py",
+        "    held_out = np.isin(sight.visit, new) & dataset.usable",
+        "    held_out = np.zeros(len(dataset), dtype=bool)",
+        "no visit is predicted before it is used",
+        _ADAPTIVE,
+    ),
+    Change(
+        "calib/selection/sequential.py",
+        "    most = max(seen / float(chdtri(freedom, level)), 1.0)",
+        "    most = usual",
+        "the limit of the accuracy is its estimate",
+        _ADAPTIVE,
+    ),
+    Change(
+        "acquisition/loop/loop.py",
+        "    if not equipment.confirm(motion):\n",
+        "    if equipment.confirm(motion) is None:\n",
+        "corrected targets are driven without leave",
+        ("tests/end_to_end/test_calibrate.py",),
+    ),
     Change(
         "acquisition/record/database.py",
         'return "was cut" if now.st_size < before.st_size else ""',
