@@ -90,7 +90,7 @@ export function open(root, id) {
   // What each format would leave: reckoned one after the other, after the page is there.
   async function reckonAll() {
     const r = job.result;
-    left.program = (r.error_after_mm || r.error_identified_mm || r.error_before_mm || {}).rms;
+    left.program = (r.error_after_mm || (r.verification || {}).error_verified_mm || r.error_identified_mm || r.error_before_mm || {}).rms;
     show();
     for (const each of kinds) {
       if (!root.isConnected) return;
