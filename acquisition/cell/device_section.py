@@ -27,7 +27,7 @@ class DeviceSection(Table):
     drivers: ClassVar[Mapping[str, RobotDriver] | Mapping[str, InstrumentDriver]]
     of_driver: ClassVar[RobotDriver | InstrumentDriver | None] = None
 
-    driver: Annotated[Text, told("Name of the driver.", "abb")]
+    driver: Annotated[Text, told("Name of the driver.", next(iter(INSTRUMENTS)))]
     url: Annotated[
         Written,
         told(
@@ -111,7 +111,7 @@ class InstrumentSection(DeviceSection, NoiseFigures):
 
     drivers = INSTRUMENTS
 
-    driver: Annotated[Text, told(f"Name of the driver: {', '.join(INSTRUMENTS)}.", "faro")]
+    driver: Annotated[Text, told(f"Name of the driver: {', '.join(INSTRUMENTS)}.", next(iter(INSTRUMENTS)))]
     station_mm: Annotated[
         Place,
         told(

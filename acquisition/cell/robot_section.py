@@ -52,7 +52,7 @@ class RobotSection(DeviceSection):
 
     drivers = ROBOTS
 
-    driver: Annotated[Text, told(f"Name of the driver: {', '.join(ROBOTS)}.", "abb")]
+    driver: Annotated[Text, told(f"Name of the driver: {', '.join(ROBOTS)}.", next(iter(ROBOTS)))]
     model: Annotated[
         Robot,
         PlainValidator(_is_robot),

@@ -73,7 +73,7 @@ class Database:
         self._within: int | None = None  # the thread whose transaction is open
         self._owner = own(folder, new=new) if writer else None
         try:
-            if new and self.path.exists() and not is_begun(folder):
+            if new and self.path.is_file() and not is_begun(folder):
                 _remove(self.path)  # its making was interrupted before there was a campaign in it
             if (self.path.exists() if new else _look_at(self.path)) == new:
                 raise RecordError(f"{folder}: {'there is a record already' if new else 'there is no record'}")
