@@ -158,7 +158,7 @@ const WORDS = {
   event_nest_doubted: "nest doubted", event_nests_again: "nests again", event_instrument_moved: "instrument moved", event_restation: "new station", event_battery_low: "battery low",
   event_measure_again: "measure again", event_accept_other: "accept other device", event_detour: "detour", event_second_stage: "second stage", event_second_stage_refused: "second stage refused",
   event_device_told: "device reports", event_device_needed: "device needed", event_rescued: "rescued", event_deferred: "put off", event_skipped: "skipped",
-  event_link: "link", event_other_device_accepted: "other device accepted", event_replanned: "planned anew", event_taught: "taught", event_waypoint: "waypoint",
+  event_link: "link", event_other_device_accepted: "other device accepted", event_replanned: "planned anew", event_planned: "poses added", event_batch: "next poses chosen", event_accuracy: "accuracy so far", event_taught: "taught", event_waypoint: "waypoint",
   // prompts
   asks: "Your turn",
   arming: "The answers work in a moment.",

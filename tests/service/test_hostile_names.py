@@ -37,6 +37,9 @@ TEXTS = (
 KNOWN = (
     *(
         "html",
+        "a",
+        "nav",
+        "line",
         "head",
         "meta",
         "title",
@@ -167,6 +170,7 @@ def test_names_stay_names(text: str, tmp_path: Path) -> None:
     found = Tags(page)
     assert {tag for tag, _ in found.tags} <= set(KNOWN)
     assert not {name for _, attributes in found.tags for name in attributes if name.startswith("on")}
+    assert all((a.get("href") or "").startswith("#") for tag, a in found.tags if tag == "a")
     assert [a.get("type") for tag, a in found.tags if tag == "script"] == ["application/json"]
     shown = " ".join(found.text.split())
     for word in (
