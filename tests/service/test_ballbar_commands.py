@@ -57,7 +57,7 @@ def test_preliminary_and_final_side_by_side(
 
 def test_the_report_has_a_section_of_the_ballbar(folder: Path) -> None:
     page = (folder / "r.html").read_text("utf-8")
-    section = page[page.index("What the ballbar says") :]
+    section = page[page.index("What the ballbar says</h2>") :]
     assert len(re.findall(r"T1 about B1, \d{3} mm", section[:3000])) == 2  # nominal and identified
     assert 'aria-label="Error of the distances over the distance from the fixture"' in section
     assert len(re.findall(r'aria-label="Histograms of the error of the distances', section)) == 1
@@ -82,7 +82,7 @@ def test_the_report_sets_the_preliminary_model_beside_nominal_and_final(
     legs = str(folder / "legs.csv")
     assert main(["identify", legs, "--report", str(out), "--preliminary", str(folder / "one.json")]) == 0
     text = out.read_text("utf-8")
-    section = text[text.index("What the ballbar says") : text.index("Residual against joint angle")]
+    section = text[text.index("What the ballbar says</h2>") : text.index("Residual against joint angle</h2>")]
     means = {}
     for name in ("nominal robot", "preliminary (stage 1)", "identified"):
         row, sphere = re.findall(rf'<th scope="row">{re.escape(name)}</th>(.*?)</tr>', section)

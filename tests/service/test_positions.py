@@ -36,5 +36,5 @@ def test_the_cup_out_of_place_is_in_text_json_and_report(
     assert entries["B3"]["kind"] == "base target"
     assert document["warnings"][0] == found["B3"].in_words()
     page = report.read_text("utf-8")
-    assert page.count("Positions known to an uncertainty") == 1
+    assert page.count("Positions known to an uncertainty</h2>") == 1
     assert "Base target B3 lies" in page
