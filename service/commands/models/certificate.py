@@ -44,9 +44,11 @@ class CertificateRequest:
     @staticmethod
     def of(dcc: Path | None, parties: CertificateParties | None) -> CertificateRequest | None:
         """Return the certificate that the options request; None without --dcc."""
-        from service.report.certificate import CertificateParties
+        if dcc is None:
+            return None
+        from service.report.certificate import CertificateParties  # long to import, as below
 
-        return None if dcc is None else CertificateRequest(dcc, parties or CertificateParties())
+        return CertificateRequest(dcc, parties or CertificateParties())
 
     def refuse_undated(self, dataset: Dataset) -> None:
         """Refuse a data set that cannot have a certificate, before a long fit and not after it.
@@ -88,10 +90,10 @@ def read_parties(path: Path | None, dcc: Path | None, report: Path | None) -> Ce
     DataError
         Neither a certificate nor a report states them, or the file is wrong; the message names file and key.
     """
-    from service.report.certificate import CertificateParties
-
     if path is None:
         return None
+    from service.report.certificate import CertificateParties
+
     if dcc is None and report is None:
         raise DataError(
             "is stated in a certificate and on a report.",
