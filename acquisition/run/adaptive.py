@@ -202,15 +202,8 @@ def look(sight: Sight, pool: Pool) -> Look:
         misses=tuple(fresh),
     )
     settled = poses >= SETTLED and now.causes_known
-    return _next(
-        sight,
-        pool,
-        judged,
-        design,
-        scale,
-        1.1 if bound_mm is None else bound_mm / expected_mm,
-        settled=settled,
-    )
+    ratio = _USUAL_RATIO if bound_mm is None else bound_mm / expected_mm
+    return _next(sight, pool, judged, design, scale, ratio, settled=settled)
 
 
 def _unjudged(sight: Sight, pool: Pool, poses: int) -> Look:
@@ -383,7 +376,6 @@ def look_at(record_dir: Path) -> Found:
     own = [visit for visit in plan if visit.block == number and visit.set == block.set]
     with as_config_error():
         dataset = table_of(record_dir).dataset()
-    visits = {visit.number for visit in own}
     visit = np.array([of_reading.get(reading, -1) for reading in dataset.reading_id])
     sight = Sight(
         block=block,
@@ -391,7 +383,7 @@ def look_at(record_dir: Path) -> Found:
         settle_s=campaign.settle_of(number).seconds,
         samples=campaign.samples,
         dataset=dataset,
-        visit=np.where(np.isin(visit, [*visits]) & dataset.usable, visit, -1),
+        visit=np.where(np.isin(visit, [each.number for each in own]) & dataset.usable, visit, -1),
         added=frozenset(each for batch in batches for each in batch["visits"]),
         drawn=frozenset(each for batch in batches for each in batch["drawn"]),
         judged=tuple(Miss(**miss) for each in looks for miss in each["misses"]),
@@ -406,8 +398,9 @@ def look_at(record_dir: Path) -> Found:
         for k, i in enumerate(found.chosen)
     ]
     drawn = tuple(visit.number for visit, i in zip(added, found.chosen, strict=True) if i in found.drawn)
-    check_plan(cell, [last, *_with_reference(campaign, plan, added)])
-    return found.accuracy, tuple(_with_reference(campaign, plan, added)), drawn
+    visits = _with_reference(campaign, plan, added)
+    check_plan(cell, [last, *visits])
+    return found.accuracy, tuple(visits), drawn
 
 
 def _measuring_s(store: RecordStore, looks: Sequence[Mapping[str, Any]]) -> float:

@@ -170,11 +170,12 @@ def _done(record: Path) -> int:
         return 0
 
 
-def test_a_file_of_another_program_is_not_replaced(cell: Path, tmp_path: Path) -> None:
-    (tmp_path / "report.html").write_text("mine")
+@pytest.mark.parametrize("name", ["report.html", "data1.csv"])  # data1 is written where poses follow
+def test_a_file_of_another_program_is_not_replaced(cell: Path, tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_text("mine")
     refused = truepose("calibrate", str(cell), "--simulate", "--record", str(tmp_path))
     assert refused.returncode != 0
-    assert (tmp_path / "report.html").read_text() == "mine"
+    assert (tmp_path / name).read_text() == "mine"
     assert not (tmp_path / "campaign1").exists()
 
 

@@ -25,7 +25,7 @@ _ADAPTIVE = ("tests/acquisition/test_adaptive.py", "tests/calib/test_sequential.
 CHANGES = (
     Change(
         "acquisition/run/adaptive.py",
-        "    check_plan(cell, [last, *_with_reference(campaign, plan, added)])\n",
+        "    check_plan(cell, [last, *visits])\n",
         "",
         "a batch of an adaptive block is driven unchecked",
         _ADAPTIVE,

@@ -286,7 +286,7 @@ def _check_folder(folder: Path, cell: Cell, campaign: Campaign, *, simulate: boo
         )
     first = folder / "campaign1"
     begun = is_begun(first)
-    outputs = [*loop_results.FILES, CERTIFICATE, "data.csv", "data.toml"]
+    data = [f"{name}{ending}" for name in ("data", "data1", "data_follow_up") for ending in (".csv", ".toml")]
     if begun:
         note_if_others_read(first)
         with RecordStore.reading(first) as store:
@@ -306,7 +306,7 @@ def _check_folder(folder: Path, cell: Cell, campaign: Campaign, *, simulate: boo
                 what_to_do="Give the options of then to continue it, or a new folder with --record.",
             )
     elif folder.exists():
-        options.check_outputs({name: folder / name for name in outputs})
+        options.check_outputs({name: folder / name for name in (*loop_results.FILES, CERTIFICATE, *data)})
     return begun
 
 
