@@ -70,7 +70,7 @@ conformance: $(VENV)/.installed
 sabotage: $(VENV)/.installed
 	$(BIN)/python -m tests.sabotage
 
-# Small changes that nobody chose, forty of a file. An hour or two. It reports and does not end `make long`: docs/trust.md.
+# Small changes that nobody chose, forty of a file. An hour or two. It reports and does not end `make long`: docs/evidence/trust.md.
 mutants: $(VENV)/.installed
 	-$(BIN)/python -m tests.sabotage.mutants --sample 40
 
@@ -91,7 +91,7 @@ bench: $(VENV)/.installed
 	$(BIN)/python -m tests.benchmarks
 	$(BIN)/python -m tests.benchmarks peers
 
-# What is named is measured and entered in the history that docs/history.md shows; FIGURES="mutants conformance lines"
+# What is named is measured and entered in the history that docs/evidence/history.md shows; FIGURES="mutants conformance lines"
 # for those. About three minutes as it is.
 FIGURES ?= selection pairs robot_check:1
 figures: $(VENV)/.installed

@@ -62,13 +62,13 @@ def pages_folder() -> Path:
 def names(folder: Path) -> list[str]:
     """Return the pages in alphabetical order, as `truepose docs PAGE` takes them.
 
-    Decisions are left out.
+    Decisions are left out, and the evidence, which no wheel contains.
     """
     found = (path.relative_to(folder) for path in folder.rglob("*.md"))
     return sorted(
         path.with_suffix("").as_posix()
         for path in found
-        if path.parts[0] not in ("decisions", "made", "build")
+        if path.parts[0] not in ("decisions", "evidence", "made", "build")
     )
 
 

@@ -1,4 +1,4 @@
-"""`python -m tests.figures WHAT ...`: measure, enter in the history, write `docs/history.md`.
+"""`python -m tests.figures WHAT ...`: measure, enter in the history, write `docs/evidence/history.md`.
 
 WHAT is a name of `python -m tests.benchmarks` with its count (`floor:50`, `selection`), `mutants` (`mutants:link`:
 of files so named), `conformance` (`conformance:ur-rtde`: of that rig) or `lines` (`lines:tests/calib`: those that these

@@ -7,19 +7,19 @@ from collections.abc import Iterator, Sequence
 
 from tests.figures.history import ROOT, Run
 
-PAGE = ROOT / "docs" / "history.md"
+PAGE = ROOT / "docs" / "evidence" / "history.md"
 _SHOWN = 6  # runs beside each other
 _FIGURE = re.compile(r"(?P<name>.{64,}?) +(?P<value>\S.*?) {2,}.*(?P<end>ok|MISSED)$")
 _VARIES = re.compile(r"[\d,]*\.\d+|[\d,]+(?= ?(?:%|ms\b|s\b))")  # within a name: what was measured beside
 
 _HEAD = """\
-# Figures and their history
+# Benchmark history
 
-Made by `make figures FIGURES="selection floor:20"`, which runs what is named and enters every line that it prints in
-`tests/figures/history.csv`, with date (UTC), commit (`+`: with changes that were not committed), processor cores and
-load: how many programs wanted to run in the minute before it began and in its last. Nothing is entered by hand; what
-was measured otherwise stands in [figures](figures.md), [what the tests notice](trust.md) and
-[drivers under faults](conformance.md). Where the load exceeds the cores, figures in seconds say little.
+Made by `make figures FIGURES="selection floor:20"`, which runs the named benchmarks and enters every line that they
+print in `tests/figures/history.csv`, with date (UTC), commit (`+`: with uncommitted changes), processor cores and load
+(how many programs wanted to run in the minute before it began and in its last). Nothing is entered by hand. Other
+measurements are in [benchmark results](benchmarks.md), [what the tests notice](trust.md) and
+[conformance](conformance.md). Results in seconds say little if the load exceeds the number of cores.
 """
 
 
