@@ -1,6 +1,6 @@
 # Each target does all its own set-up on a machine that has Python 3.11 or newer and make.
 PYTHON ?= python3
-# Four test processes for two cores: many tests wait for devices (docs/decisions/0115).
+# Four test processes for two cores: many tests wait for devices (CONTRIBUTING.md).
 JOBS ?= 4
 # Python keeps what it has compiled, also where the surroundings forbid it: hundreds of processes import the program.
 unexport PYTHONDONTWRITEBYTECODE
@@ -8,7 +8,7 @@ unexport PYTHONDONTWRITEBYTECODE
 TIMES ?= 50
 VENV := .venv
 BIN := $(VENV)/bin
-# One BLAS thread: two spin against each other on a busy two-core machine (docs/decisions/0004).
+# One BLAS thread: two spin against each other on a busy two-core machine (CONTRIBUTING.md).
 export OPENBLAS_NUM_THREADS ?= 1
 
 .PHONY: demo test suite check style types docs notebooks counterparts fuzz conformance sabotage mutants steady long bench figures clean
@@ -48,7 +48,7 @@ notebooks: $(VENV)/.installed
 counterparts: $(VENV)/.installed
 	$(BIN)/python -m tests.counterparts
 
-# The types of arguments are checked by `make check` and `make long` (docs/decisions/0139).
+# The types of arguments are checked by `make check` and `make long` (CONTRIBUTING.md).
 test: style
 	-$(BIN)/python -m tests.counterparts
 	$(MAKE) suite

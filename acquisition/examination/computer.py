@@ -6,7 +6,7 @@ WAL-reset bug", 2026-03-13). A record has one writer, which avoids this; a datab
 A busy computer must give this program enough of its processor, because a stop has to wait for the processor too. Linux
 shares the processor out by session first (autogroup), and within one by niceness. A program may lower its own priority,
 but not raise it without the system's permission, and the session also belongs to the user's other programs. A low
-priority is therefore only reported, and not changed (docs/decisions/0108).
+priority is therefore only reported, and not changed (docs/decisions/0033).
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from drivers import AcquisitionError, Busy, ConfigError, Device, Identity, LinkError
-from mocks.faultproxy import FaultProxy  # knows no protocol and simulates nothing: docs/decisions/0059
+from mocks.faultproxy import FaultProxy  # knows no protocol and simulates nothing: CONTRIBUTING.md
 
 SOON_S = 30.0
 WRONG_ADDRESSES = ("http://127.0.0.1:1", "tcp://127.0.0.1", "tcp://127.0.0.1:99999", "tcp://127.0.0.1:x")

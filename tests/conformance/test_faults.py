@@ -2,7 +2,7 @@
 
 Never a wrong reading, never an answer to another question, always an end within the deadline with an error of
 the right class, and working again after a reconnect. Of the three answers of a question that may be spoiled each pair
-of driver and fault takes one, another one than its neighbours; `--whole` (`make long`) takes all (decision 91).
+of driver and fault takes one, another one than its neighbours; `--whole` (`make long`) takes all.
 """
 
 from __future__ import annotations

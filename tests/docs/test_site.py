@@ -42,3 +42,24 @@ def test_links_of_pages_outside_the_site_lead_somewhere() -> None:
     for page in (root / "README.md", root / "CONTRIBUTING.md", *(root / "examples").rglob("*.md")):
         for link in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text("utf-8")):
             assert (page.parent / link).exists(), f"{page.name}: {link}"
+
+
+def test_every_decision_is_listed_under_its_title_and_short() -> None:
+    index = (DOCS / "decisions.md").read_text("utf-8")
+    records = sorted((DOCS / "decisions").glob("*.md"))
+    listed = [f"| {int(number)} | [{title}](decisions/{name})" for number, title, name in map(_head, records)]
+    assert [each for each in listed if each not in index] == []
+    assert index.count("](decisions/") == len(records)
+    for record in records:
+        assert len(_head(record)[1]) <= 60, record.name
+        words = re.sub(r"\]\([^)]*\)", "]", record.read_text("utf-8")).split()
+        assert len(words) <= 250, f"{record.name}: {len(words)} words"
+
+
+def _head(record: Path) -> tuple[str, str, str]:
+    """Number, title and name of the file of a decision record."""
+    first = record.read_text("utf-8").partition("\n")[0]
+    found = re.fullmatch(r"# (\d+)\. (.+)", first)
+    assert found is not None
+    assert int(record.name[:4]) == int(found[1]), f"{record.name}: {first}"
+    return found[1], found[2], record.name

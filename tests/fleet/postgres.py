@@ -1,6 +1,6 @@
 """A PostgreSQL for the tests: a cluster on a socket in a separate folder, for a session.
 
-The programs are the pinned ones of `.counterparts/postgres`, otherwise those of the system (docs/decisions/0079).
+The programs are the pinned ones of `.counterparts/postgres`, otherwise those of the system (CONTRIBUTING.md).
 PostgreSQL refuses to be run by root. It is then run by another user of the machine, who owns the folder.
 """
 
