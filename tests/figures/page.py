@@ -16,9 +16,9 @@ _HEAD = """\
 # Benchmark history
 
 Made by `make figures FIGURES="selection floor:20"`, which runs the named benchmarks and enters every line that they
-print in `tests/figures/history.csv`, with date (UTC), commit (`+`: with uncommitted changes), processor cores and load
-(how many programs wanted to run in the minute before it began and in its last). Nothing is entered by hand. Other
-measurements are in [benchmark results](benchmarks.md), [what the tests notice](trust.md) and
+print in `tests/figures/history.csv`. Each run has its date (UTC), commit (`+`: with uncommitted changes), processor
+cores, and load: the number of runnable programs in the minute before it began and in its last minute. Nothing is
+entered by hand. Other measurements are in [benchmark results](benchmarks.md), [mutation testing](trust.md) and
 [conformance](conformance.md). Results in seconds say little if the load exceeds the number of cores.
 """
 
