@@ -29,6 +29,8 @@ check: style types
 style: $(VENV)/.installed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/codespell
+	$(BIN)/python -m tests.prose --limits
 	$(BIN)/lint-imports
 	$(BIN)/ty check
 

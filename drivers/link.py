@@ -10,7 +10,8 @@ answer to a later question. In addition:
 
 **Addresses.** A device has one canonical address for every spelling of its URL. `tcp://localhost:5000`,
 `TCP://127.0.0.1:05000/` and `tcp://[::1]:5000?background=5002` lead to one socket. The URL is parsed as by the
-drivers, so that this address is the one to which they connect."""
+drivers, so that this address is the one to which they connect.
+"""
 
 from __future__ import annotations
 

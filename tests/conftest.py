@@ -1,5 +1,4 @@
-"""Settings for every test: one thread for BLAS, folders in memory, and Hypothesis draws the same examples in every run
-and has no clock.
+"""Settings for every test: one BLAS thread, folders in memory, and reproducible Hypothesis examples without a clock.
 
 A record waits for the disk at every commit, and a campaign of a test commits thousands of times: 9 ms each on a busy
 disk, most of a test's time. No power is cut here but on paper (`tests/acquisition/platter.py`), so `tmp_path` is in

@@ -1,6 +1,4 @@
-"""The rules of every file: it imports no file that imports it in turn, nobody has to scroll for long, and a name of a
-class means one thing.
-"""
+"""The rules of every file: no circular import, no file that is too long, and no two classes of one name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The questions to all devices: does the device answer, who is it, and is its clock right?
+"""The questions to all devices: whether each answers, who it is, and whether its clock is right.
 
 Nothing is armed, moved or set; connecting only greets.
 

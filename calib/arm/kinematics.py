@@ -200,8 +200,8 @@ class Frames:
         return np.stack(columns, axis=-1).transpose(1, 0, 2)
 
     def _go(self, motions: Sequence[MotionStep], values: Mapping[str, Array | float]) -> None:
-        """Move along a row of motions. Local names and no function call for each motion, because with few readings
-        Python takes most of the time."""
+        """Move along a row of motions."""
+        # Local names and no function call for each motion: with few readings Python takes most of the time.
         # Arrays are replaced, never changed in place: what `axis` and `origin` refer to stays valid.
         columns, p, record = [self.x, self.y, self.z], self.p, self.record
         for motion in motions:

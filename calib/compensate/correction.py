@@ -187,7 +187,7 @@ class TargetErrors:
 
     @classmethod
     def unknown(cls, n: int) -> TargetErrors:
-        """n targets of which nothing is known yet."""
+        """Create the result of n targets of which nothing is known yet."""
         return cls(*(np.full(n, np.inf) for _ in range(4)))
 
     def take(

@@ -6,7 +6,7 @@ from enum import StrEnum
 
 
 class FitTermination(StrEnum):
-    """The reason for which a fit ended. (`scipy.optimize.least_squares` says it by a status and a message.)"""
+    """The reason for which a fit ended; `scipy.optimize.least_squares` reports a status and a message."""
 
     CONVERGED = "converged"  # the last step was a small part of the standard errors
     ROUNDS = "round limit"

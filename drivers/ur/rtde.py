@@ -11,7 +11,8 @@ and it moves when input 47 holds its number (`drivers.ur.motion`).
 
 **Stream.** While the arm moves, its joints are read back over a separate connection. A state is doubted if the speeds
 of the joints do not lead to it from the one before. The reason is a damaged number, or states that were lost between
-the two. Not tried on a controller yet."""
+the two. Not tried on a controller yet.
+"""
 
 from __future__ import annotations
 

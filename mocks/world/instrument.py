@@ -63,7 +63,7 @@ def sqrt_drift(m: Material) -> Effect:
 
 
 def tracker_scale(m: Material) -> Effect:
-    """s (p - station): every distance too long by s ppm."""
+    """Every distance too long by s ppm: s (p - station)."""
 
     def act(sight: Sight, p: Values) -> None:
         sight.point = sight.point + 1e-6 * p["s"] * (sight.point - sight.station)

@@ -18,7 +18,7 @@ def slide_backlash(m: Material) -> Effect:
 
 
 def slide_scale(m: Material) -> Effect:
-    """k q, label slide_scale:jK; k in mm/mm."""
+    """Scale of a slide, k q; label slide_scale:jK, k in mm/mm."""
     i = _slide(m)
 
     def act(arm: Arm, p: Values) -> None:

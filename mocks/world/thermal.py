@@ -16,7 +16,7 @@ def stretch(arm: Arm, strain: float) -> None:
 
 
 def thermal_joint(m: Material) -> Effect:
-    """k (T - T-) added to the joint angle, label thermal_joint:jK; k in deg/K."""
+    """Joint angle that follows the air, k (T - mean T); label thermal_joint:jK, k in deg/K."""
     i = joint_number(m.arguments[0]) - 1
 
     def act(arm: Arm, p: Values) -> None:

@@ -33,7 +33,7 @@ def periodic(m: Material) -> Effect:
 
 
 def encoder_scale(m: Material) -> Effect:
-    """k theta, label encoder_scale:jK; k in rad/rad."""
+    """Scale of an encoder, k theta; label encoder_scale:jK, k in rad/rad."""
     i = joint_number(m.arguments[0]) - 1
 
     def act(arm: Arm, p: Values) -> None:
@@ -154,7 +154,7 @@ def smoothed_dead_zone(m: Material) -> Effect:
 
 
 def cubic_stiffness(m: Material) -> Effect:
-    """c tau^3, label cubic_stiffness:jK; c in rad/(N.mm)^3."""
+    """Cubic compliance, c tau^3; label cubic_stiffness:jK, c in rad/(N.mm)^3."""
     i = joint_number(m.arguments[0]) - 1
 
     def act(arm: Arm, p: Values) -> None:

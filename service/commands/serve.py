@@ -81,8 +81,10 @@ def serve(
     json: serving.Hello = False,
     log: serving.Log = None,
 ) -> None:
-    """Serve HTTP and the operator's page. Prints where to open it and the tokens when ready; nothing moves until it is
-    asked to."""
+    """Serve HTTP and the operator's page.
+
+    Prints the address and the access keys when ready. Nothing moves until a client starts it.
+    """
     refuse_host(host)
     token = chosen_token() if token_file is None else None
     if token is None and token_file is None and not is_loopback(host):

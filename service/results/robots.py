@@ -262,8 +262,11 @@ def _due(standing: RobotState, way: Method | None, now: datetime) -> DueShown:
 
 
 def _urgency(line: RobotLine) -> tuple[int, float, str, str]:
-    """The rank of a robot in a list: what has changed, the largest error first; then what errs beyond what is
-    permitted; then what is overdue, and the others by date."""
+    """Rank of a robot in a list.
+
+    Robots that have changed come first, the largest error before the others; then robots whose error exceeds the
+    permitted one; then overdue robots; then the others by date.
+    """
     largest = -line.error_mm.rms if line.error_mm else 0.0
     if line.state in CHANGED:
         return 0, largest, "", line.serial

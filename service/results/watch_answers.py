@@ -201,8 +201,11 @@ class _Judged(ResponseBody):
         updated: Path | None,
         said: Mapping[str, Any],
     ) -> Self:
-        """The verdict on readings. model: file of the baseline; updated: that was written, None for none; said: all
-        other members."""
+        """Build the verdict on readings.
+
+        `model` is the file of the baseline, `updated` the model that was written (None if there is none), and `said`
+        holds all other members.
+        """
         header = dataset.header
         return cls.model_validate(
             {

@@ -80,7 +80,7 @@ _COARSE_MM = 2.0  # by which a point between two of these may be nearer to an ed
 
 
 def _from(obstacle: object, places: Array) -> Array:
-    """mm between points (..., 3) and a shape; from inside, nought or less."""
+    """Distances in mm from points (..., 3) to a shape; zero or negative inside it."""
     match obstacle:
         case FloorObstacle(z_mm=height):
             return places[..., 2] - height

@@ -185,7 +185,7 @@ def test_a_check_in_mid_visit_waits_for_its_end(make: Callable[..., Stage]) -> N
 def test_an_instrument_that_moved_unseen_is_known_at_the_end(
     make: Callable[..., Stage], answer: Answer, driver: str
 ) -> None:
-    """This would catch a tracker that locked on again 0.8 mm off after the last check of nests."""
+    """Catches a tracker that locked on again 0.8 mm off after the last check of nests."""
     aims = 3 * (driver == "emscon")  # a person, once
     stage = make(*[Answer.CONFIRM] * aims, answer, driver=driver, nest_check={"every": 100, "limit_mm": 0.05})
 
@@ -205,7 +205,7 @@ def test_an_instrument_that_moved_unseen_is_known_at_the_end(
 def test_moved_nests_are_asked_about_again_where_the_question_was_cut_off(
     make: Callable[..., Stage], monkeypatch: pytest.MonkeyPatch, retaken: int
 ) -> None:
-    """This would catch readings of a moved instrument, kept because no operator was there."""
+    """Catches readings of a moved instrument, kept because no operator was there."""
     stage = make(Answer.REDO, nest_check={"every": 100, "limit_mm": 0.05})
     answers = stage.operator.ask
 

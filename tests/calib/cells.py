@@ -1,5 +1,6 @@
-"""A true robot in the world whose readings, of any kind, become the files of a data set. It is the second arm of
-`tests.benchmarks.arm`, which shares no line with the chain under test.
+"""A true robot whose readings, of any kind, become the files of a data set.
+
+It is the second arm of `tests.benchmarks.arm`, which shares no line with the chain under test.
 """
 
 from __future__ import annotations

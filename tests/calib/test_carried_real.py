@@ -1,5 +1,6 @@
-"""Models of drifting and coupled arms, from their diagnosis to a watch. These would catch: a carried term that is lost
-in the file or in a correction, and a watch that takes it for news.
+"""Models of drifting and coupled arms, from their diagnosis to a watch.
+
+The tests catch a carried term that is lost in the file or in a correction, and a watch that reports it as a change.
 """
 
 from __future__ import annotations

@@ -1,5 +1,7 @@
-"""Other arms, controllers that count otherwise, and the inverse direction. These would catch: a limit judged in the
-wrong angles, a target out of reach that is driven, and an inverse direction that is not the inverse.
+"""Correction for other arms, for controllers with other conventions, and in the inverse direction.
+
+The tests catch a limit judged in the wrong angles, a target out of reach that is driven, and an inverse direction that
+is not the inverse.
 """
 
 from __future__ import annotations

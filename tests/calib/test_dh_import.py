@@ -1,5 +1,8 @@
-"""Robot files out of DH tables as people export them. These would catch: a column taken for another, a unit guessed
-without being said or guessed where nothing shows it, and a cell that is no number read as one."""
+"""Robot files from DH tables as people export them.
+
+The tests catch a column taken for another, a unit that is guessed without a statement or without evidence, and a cell
+that is not a number but is read as one.
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,6 @@
-"""Why a fit ended. These would catch: a fit cut off, or stuck, that passes for one that has arrived, or gives the
-other's reason.
+"""The reason for which a fit ended.
+
+The tests catch a fit that was cut off or is stuck and is reported as converged, or with the wrong reason.
 """
 
 from __future__ import annotations

@@ -249,7 +249,7 @@ def test_no_such_port_and_no_such_scheme() -> None:
 
 
 def test_echo_is_not_an_answer() -> None:
-    """pyserial's loop:// sends the question back."""
+    """Reject the question itself as an answer: `loop://` of pyserial sends it back."""
     meter = Qc20w("loop://", nominal_mm=300.0, heartbeat_s=None)
     with pytest.raises(ProtocolError):
         meter.connect()

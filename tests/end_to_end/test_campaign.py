@@ -1,6 +1,7 @@
 """From cell and campaign files over the simulated cell's sockets to an identification.
 
-The record and the data set are steps between them."""
+The record and the data set are steps between them.
+"""
 
 from __future__ import annotations
 

@@ -103,10 +103,7 @@ def on_a_track(folder: Path) -> dict[str, object]:
 def test_joints_that_slide_are_driven_by_hand_and_their_play_is_named(
     tmp_path: Path, machine: Callable[[Path], dict[str, object]], slide: str
 ) -> None:
-    """This would catch mm sent as deg, and a record of another place than the pendant's.
-
-    It goes from the prompt to the diagnosis.
-    """
+    """From the prompt to the diagnosis; catches mm sent as deg, and a record of another place than the pendant's."""
     described = a_cell(machine(tmp_path) | {"table_z_mm": -1500.0, "within_deg": None}, FARO)
     simulation = {"seed": 3, "effects": [f"slide_backlash:{slide}"], "effect_size": 5.0}
     cell = cell_from(tomllib.loads(described.source) | {"simulation": simulation}, "cell.toml")

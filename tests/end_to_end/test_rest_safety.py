@@ -30,7 +30,8 @@ def at_a_cell(
 ) -> Iterator[tuple[SimulatedCell, Path]]:
     """Start separate simulators, and write a cell file with their addresses.
 
-    They then seem to be real devices."""
+    They then seem to be real devices.
+    """
     file = cell_file(folder, time_scale=time_scale)
     text = file.read_text("utf-8")
     assert "speed_deg_s = 20.0" in text

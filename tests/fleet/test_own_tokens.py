@@ -1,5 +1,8 @@
-"""A token for each cell. These would catch: a cell that sends under another's name, a token that is worth something
-after it was taken away, and a file that tells the tokens."""
+"""A token for each cell.
+
+The tests catch a cell that sends under the name of another, a token that is valid after it was withdrawn, and a file
+that discloses the tokens.
+"""
 
 from __future__ import annotations
 

@@ -167,7 +167,7 @@ def cholesky(matrix: Matrix) -> Matrix:
 
 
 def solve_lower(lower: Matrix, right: Matrix) -> Matrix:
-    """x with lower x = right, right (n,) or (n, k)."""
+    """Solve lower x = right for x; right has shape (n,) or (n, k)."""
     out = right.copy()
     for i in range(len(lower)):
         if i:

@@ -1,4 +1,4 @@
-"""`python -m tests.sabotage [--list] [--only WORD] [--jobs 2]`: break the program on purpose; do its tests notice?
+"""`python -m tests.sabotage [--list] [--only WORD] [--jobs 2]`: break the program on purpose, so that a test fails.
 
 Each change of the list is made in a temporary copy of the checkout, and the tests that should notice it are run there.
 Exit code 1 when one survives that is not explained, when one cannot be made any more, or when tests could not run.

@@ -78,7 +78,7 @@ def test_a_table_is_corrected_as_on_the_command_line(
 
 
 def test_named_only_is_taken_and_what_is_left_out_is_said(service: Served, path: str) -> None:
-    """This model carries nothing: the answer is the same, and says so."""
+    """Answer the same, and say so, for a model that carries nothing."""
     whole, named = (corrected(service, path, csv=TABLE, named_only=only) for only in (False, True))
     assert whole["csv"] == named["csv"]
     assert (named["carried_left_out"], named["carried_loss_mm"]) == ([], None)

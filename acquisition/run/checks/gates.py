@@ -1,4 +1,4 @@
-"""The gates before every reading of a pose: is the arm warm, and is the instrument in place?
+"""The gates before every reading of a pose: a warm arm, and an instrument in its place.
 
     warm-up      the first visit, the reference pose, is measured until its last readings lie close together; those
                  before stay in the record, out of use. Again in every execution: the arm may have cooled down

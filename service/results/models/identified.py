@@ -86,7 +86,7 @@ class PredictedU(ResponseBody):
 
     @classmethod
     def of(cls, found: UncertaintyMap) -> Self:
-        """k = 2, and the radius that contains 95 %, within the measured joint ranges and outside."""
+        """Expanded uncertainty (k = 2) and 95 % radius, within the measured joint ranges and outside."""
         within = found.measured
         return cls(
             coverage_factor=2,

@@ -24,7 +24,7 @@ EQUAL = 1e-6  # of log det: rounding
 
 
 def log_det(rows: Array) -> float:
-    """log det of the information of poses (n, k, m)."""
+    """Log-determinant of the information of poses, shape (n, k, m)."""
     flat = rows.reshape(-1, rows.shape[2])
     return float(np.linalg.slogdet(flat.T @ flat)[1])
 

@@ -231,7 +231,7 @@ def create_watch_plan(here: Service, body: WatchPlanAsked) -> dict[str, Any]:
 
 
 def create_watch(here: Service, body: WatchRequestBody) -> dict[str, Any]:
-    """Judge readings of check poses by the model of the calibration: is this still the robot that was calibrated?
+    """Judge by readings of check poses whether this is still the robot that was calibrated.
 
     Where a cause is known, GET /models/ID with the id of this job is the updated model; targets are corrected with it
     as with any. The verdict enters the history.
