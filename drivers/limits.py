@@ -50,10 +50,16 @@ class Caps:
         """
         if not (speed_mm_s > 0 and speed_deg_s > 0):
             raise ConfigError(
-                f"speeds must be positive, not {speed_mm_s} mm/s, {speed_deg_s} deg/s", device=device
+                f"speeds must be positive, not {speed_mm_s} mm/s, {speed_deg_s} deg/s",
+                device=device,
+                what_to_do="Correct the speeds in the cell file.",
             )
         if limits_deg is not None and len(limits_deg) != joints:
-            raise ConfigError(f"limits_deg needs {joints} pairs, not {len(limits_deg)}", device=device)
+            raise ConfigError(
+                f"limits_deg needs {joints} pairs, not {len(limits_deg)}",
+                device=device,
+                what_to_do="Give a pair of limits per joint.",
+            )
         self.speeds = (speed_mm_s, speed_deg_s)
         self._pairs = [(-widest_deg, widest_deg)] * joints if limits_deg is None else limits_deg
         self._device = device

@@ -88,7 +88,9 @@ def beside(address: Address, option: str, port: int, device: str) -> Address:
     """
     text = address.options.get(option, str(port))
     if not text.isdecimal() or not 0 < int(text) < 65536:
-        raise ConfigError(f"{option}={text!r} is not a port", device=device)
+        raise ConfigError(
+            f"{option}={text!r} is not a port", device=device, what_to_do="Use a number from 1 to 65535."
+        )
     return replace(address, port=int(text))
 
 
@@ -102,15 +104,18 @@ def parse_url(url: str) -> Address:
     """
     parts = urlsplit(url)
     if parts.scheme != "tcp":
-        raise ConfigError(f"address {url!r} must begin with tcp://")
+        raise ConfigError(f"address {url!r} must begin with tcp://", what_to_do="Use tcp://HOST:PORT.")
     try:
         host, port = parts.hostname, parts.port
     except ValueError as error:
-        raise ConfigError(f"address {url!r}: {error}") from error
+        raise ConfigError(f"address {url!r}: {error}", what_to_do="Use tcp://HOST:PORT.") from error
     if not host or not _HOST.fullmatch(host) or parts.path not in ("", "/") or parts.username:
-        raise ConfigError(f"address {url!r} must have the form tcp://host:port")
+        raise ConfigError(
+            f"address {url!r} has a path, a user name or no host",
+            what_to_do="Use tcp://HOST:PORT.",
+        )
     if not port:
-        raise ConfigError(f"address {url!r} has no port")
+        raise ConfigError(f"address {url!r} has no port", what_to_do="Use tcp://HOST:PORT.")
     return Address(host, port, dict(parse_qsl(parts.query)))
 
 

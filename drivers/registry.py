@@ -111,7 +111,10 @@ def _make(kind: str, name: str, make: Callable[..., _T], url: str, options: Mapp
     try:
         return make(url, **options)
     except TypeError as error:
-        raise ConfigError(f"{kind} driver {name!r}: {error}") from error
+        raise ConfigError(
+            f"{kind} driver {name!r}: {error}",
+            what_to_do="Correct the options of the driver in the cell file.",
+        ) from error
 
 
 def installed(group: str, name: str) -> Iterator[Any]:

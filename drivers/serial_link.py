@@ -75,7 +75,11 @@ class SerialLink:
                 f"{self.url} cannot be opened: {error}", device=self.device, command="connect"
             ) from error
         except ValueError as error:
-            raise ConfigError(f"address {self.url!r}: {error}", device=self.device) from error
+            raise ConfigError(
+                f"address {self.url!r}: {error}",
+                device=self.device,
+                what_to_do="Use the name of a serial port, such as COM3 or /dev/ttyUSB0.",
+            ) from error
         self._log("!", b"open " + self.url.encode())
 
     def close(self) -> None:

@@ -59,7 +59,10 @@ class SimulatedDevices:
 
     def _port(self, driver: str) -> int:
         if driver not in self.ports:
-            raise ConfigError(f"there is no simulator for the driver {driver!r} in this cell")
+            raise ConfigError(
+                f"there is no simulator for the driver {driver!r} in this cell",
+                what_to_do="Use the devices of the cell file without --simulate.",
+            )
         return self.ports[driver]
 
 
@@ -112,7 +115,10 @@ class SimulatedHands:
     def _do(self, order: Mapping[str, object]) -> None:
         answer = _answer_of(self._port, order, HAND_TIMEOUT_S)
         if not answer.get("ok"):
-            raise ConfigError(f"the simulated arm was not jogged: {answer.get('error', 'no answer')}")
+            raise ConfigError(
+                f"the simulated arm was not jogged: {answer.get('error', 'no answer')}",
+                what_to_do="Start the simulation again.",
+            )
 
 
 def _answer_of(port: int, question: Mapping[str, object], seconds: float | None) -> dict[str, Any]:
@@ -136,8 +142,10 @@ def _answer_of(port: int, question: Mapping[str, object], seconds: float | None)
             if line := lines.readline():
                 return json.loads(line)
     except OSError as error:
-        raise ConfigError(f"the simulators of the cell do not answer: {error}") from error
-    raise ConfigError("the simulators of the cell have ended")
+        raise ConfigError(
+            f"the simulators of the cell do not answer: {error}", what_to_do="Start the simulation again."
+        ) from error
+    raise ConfigError("the simulators of the cell have ended", what_to_do="Start the simulation again.")
 
 
 def command_of(*arguments: str) -> list[str]:

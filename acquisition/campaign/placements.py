@@ -199,7 +199,8 @@ class HexapodSurvey:
         if not inside.any():
             raise ConfigError(
                 f"none of {_DRAWN} random postures brings {self.tool[0]} within {radius_mm:g} mm of "
-                f"{', '.join(f'{x:g}' for x in centre_mm)}: name a zone that the arm reaches"
+                f"{', '.join(f'{x:g}' for x in centre_mm)}",
+                what_to_do="Name a zone that the arm reaches.",
             )
         return robot.model_angles(drawn[inside][:_PLACES])
 

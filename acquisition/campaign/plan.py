@@ -178,7 +178,8 @@ def _driven(cell: Cell, campaign: Campaign, number: int, visits: list[Visit]) ->
     there = dict(zip(stops, commanded(cell, block.model_file, where, stops, block.approach), strict=True))
     if not any(there.values()):
         raise ConfigError(
-            f"{where}: {block.model_file}: the real robot reaches no pose of the block within its limits"
+            f"{where}: {block.model_file}: the real robot reaches no pose of the block within its limits",
+            what_to_do="Choose other poses for the block, or check that the model belongs to this robot.",
         )
 
     def driven(visit: Visit) -> Visit | None:
@@ -243,10 +244,11 @@ def _fits_instrument(cell: Cell, campaign: Campaign) -> None:
     stations = any(block.new_station for block in campaign.blocks)
     if lengths and (campaign.reference_every or campaign.warm_up or campaign.nest_check or stations):
         raise ConfigError(
-            "reference_every, warm_up, nest_check and new_station need an instrument that measures points"
+            "reference_every, warm_up, nest_check and new_station need an instrument that measures points",
+            what_to_do="Leave them out of the campaign.",
         )
     if campaign.zero_every and not lengths:
-        raise ConfigError("zero_every needs a ballbar")
+        raise ConfigError("zero_every needs a ballbar", what_to_do="Leave zero_every out of the campaign.")
 
 
 def _units(cell: Cell, campaign: Campaign, number: int, taken: tuple[Joints, ...]) -> list[list[Visit]]:
@@ -291,7 +293,8 @@ def _targets(cell: Cell, block: Block, number: int) -> tuple[str, ...]:
     for name in targets:
         if name not in cell.tool.targets:
             raise ConfigError(
-                f"block {number + 1} measures target {name!r}, the cell has {', '.join(cell.tool.targets)}"
+                f"block {number + 1} measures target {name!r}, the cell has {', '.join(cell.tool.targets)}",
+                what_to_do="Name a target of the tool of the cell.",
             )
     return targets
 

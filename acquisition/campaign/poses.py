@@ -89,7 +89,8 @@ def draw_poses(
         tight = int(np.argmin(high - low))
         raise ConfigError(
             f"{cell.robot.named(tight)}: the limits leave no room for an approach of {reach:g} "
-            f"{cell.robot.model.units[tight]}"
+            f"{cell.robot.model.units[tight]}",
+            what_to_do="Use a smaller offset_deg of the approach, or wider limits_deg.",
         )
     longer = rng.spawn(1)[0]  # separate: poses and sides are the same whether lengths vary or not
     found: list[Pose] = []

@@ -53,9 +53,19 @@ def check_question(target: str, samples: int, device: str) -> None:
         The target name is not a word, or there is less than one sample.
     """
     if not (target.isidentifier() and target.isascii()):
-        raise ConfigError(f"target name {target!r} is not a word", device=device, command="measure")
+        raise ConfigError(
+            f"target name {target!r} is not a word",
+            device=device,
+            command="measure",
+            what_to_do="Use letters, digits and underscores.",
+        )
     if samples < 1:
-        raise ConfigError(f"samples = {samples} must be at least 1", device=device, command="measure")
+        raise ConfigError(
+            f"samples = {samples} must be at least 1",
+            device=device,
+            command="measure",
+            what_to_do="Set samples to 1 or more.",
+        )
 
 
 def ask_weather(session: MbpSession, fields: Mapping[str, object]) -> tuple[float, float, float]:
@@ -107,7 +117,9 @@ def point_at(session: MbpSession, near_mm: Sequence[float], seconds: float, **fi
     """
     x, y, z = (float(value) for value in near_mm)
     if not all(math.isfinite(value) and abs(value) < FARTHEST_MM for value in (x, y, z)):
-        raise ConfigError(f"cannot point at {near_mm}", command="POINT")
+        raise ConfigError(
+            f"cannot point at {near_mm}", command="POINT", what_to_do="Give three finite coordinates in mm."
+        )
     session.ask("POINT", {"x": x, "y": y, "z": z, "find": 1, **fields}, "point_s", seconds)
 
 

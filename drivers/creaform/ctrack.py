@@ -64,12 +64,15 @@ class CTrack:
         **talk: Unpack[SessionArguments],
     ) -> None:
         if not rate_hz > 0:
-            raise ConfigError(f"rate_hz {rate_hz} must be positive", device=name)
+            raise ConfigError(
+                f"rate_hz {rate_hz} must be positive", device=name, what_to_do="Set a rate above 0 Hz."
+            )
         if any(least < LEAST_ON_BODY or least % 1 for least in (min_visible, min_visible_base)):
             raise ConfigError(
                 f"min_visible {min_visible:g} and min_visible_base {min_visible_base:g} must be whole numbers from "
                 f"{LEAST_ON_BODY} on, which a pose needs",
                 device=name,
+                what_to_do="Correct them in the cell file.",
             )
         _word(reference, name)
         self.name = name
@@ -176,7 +179,12 @@ class CTrack:
         """
         _word(target, self.name)
         if samples < 1:
-            raise ConfigError(f"samples = {samples} must be at least 1", device=self.name, command="measure")
+            raise ConfigError(
+                f"samples = {samples} must be at least 1",
+                device=self.name,
+                command="measure",
+                what_to_do="Set samples to 1 or more.",
+            )
         with self.session.measuring("MEASURE"):
             if target not in self._bodies:
                 raise ConfigError(f"no body {target!r}; the bridge has {', '.join(self._bodies)}")
@@ -277,7 +285,9 @@ class CTrack:
 
 def _word(text: str, device: str) -> None:
     if not (text.isidentifier() and text.isascii()):
-        raise ConfigError(f"{text!r} is not a word", device=device)
+        raise ConfigError(
+            f"{text!r} is not a word", device=device, what_to_do="Use letters, digits and underscores."
+        )
 
 
 def _bodies(reply: mbp.Message) -> dict[str, int]:

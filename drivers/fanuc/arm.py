@@ -82,7 +82,11 @@ class FanucArm:
         }
         kind = address.options.get("modbus")
         if kind not in kinds:
-            raise ConfigError(f"modbus={kind!r} in {url!r} is neither hmi nor io", device=name)
+            raise ConfigError(
+                f"modbus={kind!r} in {url!r} is neither hmi nor io",
+                device=name,
+                what_to_do="Use modbus=hmi or modbus=io.",
+            )
         self.name = name
         self._max_deg_s = _speeds(address.options.get("max_deg_s"), url)
         self._caps = caps
@@ -330,5 +334,8 @@ def _speeds(text: str | None, url: str) -> tuple[float, ...]:
     except ValueError:
         speeds = ()
     if len(speeds) != JOINTS or not all(0 < speed < math.inf for speed in speeds):
-        raise ConfigError(f"max_deg_s={text!r} in {url!r} is not {JOINTS} speeds, as 350,350,400,450,450,720")
+        raise ConfigError(
+            f"max_deg_s={text!r} in {url!r} is not {JOINTS} speeds, as 350,350,400,450,450,720",
+            what_to_do="Give one speed in deg/s per joint, separated by commas.",
+        )
     return speeds

@@ -215,12 +215,20 @@ class IoProfile:
         def base(key: str, usual: str) -> int:
             text = address.options.get(key, usual)
             if not text.isdecimal() or int(text) > 65000:
-                raise ConfigError(f"{key}={text!r} is not a register address", device=name)
+                raise ConfigError(
+                    f"{key}={text!r} is not a register address",
+                    device=name,
+                    what_to_do="Use the number of a register.",
+                )
             return int(text)
 
         table = address.options.get("table", "holding")
         if table not in ("holding", "input"):
-            raise ConfigError(f"table={table!r} is neither holding nor input", device=name)
+            raise ConfigError(
+                f"table={table!r} is neither holding nor input",
+                device=name,
+                what_to_do="Use table=holding or table=input.",
+            )
         return cls(base("inputs", "0"), base("outputs", "100"), table)
 
     def _view(self, registers: FanucRegisters) -> list[int]:

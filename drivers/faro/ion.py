@@ -34,9 +34,15 @@ class FaroTracker:
         **talk: Unpack[SessionArguments],
     ) -> None:
         if distance_mode not in ("ADM", "IFM", "IFM_ADM"):
-            raise ConfigError(f"distance_mode {distance_mode!r} is not ADM, IFM or IFM_ADM", device=name)
+            raise ConfigError(
+                f"distance_mode {distance_mode!r} is not ADM, IFM or IFM_ADM",
+                device=name,
+                what_to_do="Use one of the three.",
+            )
         if rate_hz <= 0:
-            raise ConfigError(f"rate_hz {rate_hz} must be positive", device=name)
+            raise ConfigError(
+                f"rate_hz {rate_hz} must be positive", device=name, what_to_do="Set a rate above 0 Hz."
+            )
         self.name = name
         self.deadlines = deadlines or InstrumentDeadlines()
         self._distance_mode = distance_mode

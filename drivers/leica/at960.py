@@ -49,10 +49,16 @@ class LeicaTracker:
         **talk: Unpack[SessionArguments],
     ) -> None:
         if profile not in _PROFILES or faces not in _FACES:
-            raise ConfigError(f"profile is one of {_PROFILES}, faces one of {tuple(_FACES)}", device=name)
+            raise ConfigError(
+                f"profile is one of {_PROFILES}, faces one of {tuple(_FACES)}",
+                device=name,
+                what_to_do="Correct them in the cell file.",
+            )
         if not rate_hz > 0.0 or not reflector_mm > 0.0:
             raise ConfigError(
-                f"rate_hz {rate_hz} and reflector_mm {reflector_mm} must be positive", device=name
+                f"rate_hz {rate_hz} and reflector_mm {reflector_mm} must be positive",
+                device=name,
+                what_to_do="Correct them in the cell file.",
             )
         self.name = name
         self._profile = profile

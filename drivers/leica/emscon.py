@@ -67,7 +67,9 @@ class EmsconTracker:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         if not rate_hz > 0.0:
-            raise ConfigError(f"rate_hz {rate_hz} must be positive", device=name)
+            raise ConfigError(
+                f"rate_hz {rate_hz} must be positive", device=name, what_to_do="Set a rate above 0 Hz."
+            )
         self.name = name
         self.deadlines = deadlines or InstrumentDeadlines()
         self._reflector = reflector
@@ -241,7 +243,12 @@ class EmsconTracker:
         in the beam is measured, because emScon has no names of targets. Errors are those of `drivers.faro.ion`.
         """
         if samples < 1:
-            raise ConfigError(f"samples = {samples} must be at least 1", device=self.name, command="measure")
+            raise ConfigError(
+                f"samples = {samples} must be at least 1",
+                device=self.name,
+                command="measure",
+                what_to_do="Set samples to 1 or more.",
+            )
         with self._lock:
             if not self._armed:
                 raise NotArmed("measurement without arming", device=self.name, command="measure")
@@ -280,7 +287,12 @@ class EmsconTracker:
     def _point(self, near_mm: Sequence[float]) -> None:
         x, y, z = (float(value) for value in near_mm)
         if not all(math.isfinite(value) and abs(value) < _FARTHEST_MM for value in (x, y, z)):
-            raise ConfigError(f"cannot point at {near_mm}", device=self.name, command="GoPosition")
+            raise ConfigError(
+                f"cannot point at {near_mm}",
+                device=self.name,
+                command="GoPosition",
+                what_to_do="Give three finite coordinates in mm.",
+            )
         self._ask(tpi.GO_POSITION, x, y, z, 1, deadline="point_s", seconds=self.deadlines.point_s)
 
     def _single(self, seconds: float) -> Packet:

@@ -59,7 +59,11 @@ class ManualArm:
         wire: WireSink | None = None,
     ) -> None:
         if limits_deg is None:
-            raise ConfigError("limits_deg is needed: it says how many joints there are", device=name)
+            raise ConfigError(
+                "limits_deg is missing, and the number of joints with it",
+                device=name,
+                what_to_do="Give a pair of limits per joint.",
+            )
         self.name = name
         self._names = tuple(name.upper() for name in axes or [f"j{i + 1}" for i in range(len(limits_deg))])
         self._units = tuple(units or ["deg"] * len(limits_deg))

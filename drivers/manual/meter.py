@@ -204,7 +204,9 @@ class ManualMeter:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         if unit not in MM_OF:
-            raise ConfigError(f"unit {unit!r} is none of {', '.join(MM_OF)}", device=name)
+            raise ConfigError(
+                f"unit {unit!r} is none of {', '.join(MM_OF)}", device=name, what_to_do="Use one of them."
+            )
         self.name = name
         self._unit = unit
         self._mm = MM_OF[unit]

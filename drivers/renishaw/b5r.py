@@ -83,7 +83,10 @@ def read_b5r(path: Path) -> BallbarTest:
     """
     data = path.read_bytes()
     if len(data) > _MOST_BYTES:
-        raise ConfigError(f"{path}: larger than {_MOST_BYTES} bytes, not a ballbar test")
+        raise ConfigError(
+            f"{path}: larger than {_MOST_BYTES} bytes, not a ballbar test",
+            what_to_do="Name the file that the ballbar software saved.",
+        )
     return parse_b5r(data, str(path))
 
 
@@ -100,7 +103,9 @@ def parse_b5r(data: bytes, where: str = "ballbar test") -> BallbarTest:
     try:
         root = ElementTree.fromstring(data)
     except (ElementTree.ParseError, ValueError, LookupError) as error:
-        raise ConfigError(f"{where}: not XML: {error}") from error
+        raise ConfigError(
+            f"{where}: not XML: {error}", what_to_do="Save the test again from the ballbar software."
+        ) from error
     features = tuple(_features(root, where))
     plane = root.find(".//PLANE")
     if plane is None or not features:
@@ -129,9 +134,15 @@ def _features(root: ElementTree.Element, where: str) -> list[Feature]:
         try:
             value = float(text.replace("_", "?"))  # Python reads 1_5 as 15
         except ValueError as error:
-            raise ConfigError(f"{where}: feature {name!r} is {text!r}, not a number") from error
+            raise ConfigError(
+                f"{where}: feature {name!r} is {text!r}, not a number",
+                what_to_do="Save the test again from the ballbar software.",
+            ) from error
         if not math.isfinite(value):
-            raise ConfigError(f"{where}: feature {name!r} is {text!r}, not a finite number")
+            raise ConfigError(
+                f"{where}: feature {name!r} is {text!r}, not a finite number",
+                what_to_do="Save the test again from the ballbar software.",
+            )
         found.append(Feature(analyses.get(element, ""), name, value, UNITS.get(element.get("DT", ""), "")))
     return found
 

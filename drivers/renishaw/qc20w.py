@@ -85,7 +85,11 @@ class Qc20w:
         **talk: Unpack[SessionArguments],
     ) -> None:
         if not 0.0 < nominal_mm < _LONGEST_MM or not rate_hz > 0.0:
-            raise ConfigError(f"nominal_mm {nominal_mm} and rate_hz {rate_hz} must be positive", device=name)
+            raise ConfigError(
+                f"nominal_mm {nominal_mm} and rate_hz {rate_hz} must be positive",
+                device=name,
+                what_to_do="Correct them in the cell file.",
+            )
         self.name = name
         self.zero_mm = 0.0
         self.calibration: BarCalibration | None = None
@@ -223,9 +227,19 @@ class Qc20w:
         """
         for ball in (target, base_target):
             if not (ball.isidentifier() and ball.isascii()):
-                raise ConfigError(f"ball name {ball!r} is not a word", device=self.name, command="measure")
+                raise ConfigError(
+                    f"ball name {ball!r} is not a word",
+                    device=self.name,
+                    command="measure",
+                    what_to_do="Use letters, digits and underscores.",
+                )
         if samples < 1:
-            raise ConfigError(f"samples = {samples} must be at least 1", device=self.name, command="measure")
+            raise ConfigError(
+                f"samples = {samples} must be at least 1",
+                device=self.name,
+                command="measure",
+                what_to_do="Set samples to 1 or more.",
+            )
         seconds = samples / self._rate_hz + self.deadlines.measure_margin_s
         fields = {
             "n": samples,
@@ -287,7 +301,10 @@ class Qc20w:
         """
         if not 0.0 < nominal_mm < _LONGEST_MM:
             raise ConfigError(
-                f"a ballbar of {nominal_mm:g} mm is not possible", device=self.name, command="build"
+                f"a ballbar of {nominal_mm:g} mm is not possible",
+                device=self.name,
+                command="build",
+                what_to_do="Give the length of the bar in mm.",
             )
         self._nominal_mm, self.zero_mm = nominal_mm, 0.0
         self.session.armed = False

@@ -88,12 +88,20 @@ class UrArm:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         if not min(reach_mm, acceleration_deg_s2, watchdog_s) > 0:
-            raise ConfigError("reach, acceleration and watchdog must be positive", device=name)
+            raise ConfigError(
+                "reach, acceleration and watchdog must be positive",
+                device=name,
+                what_to_do="Correct them in the cell file.",
+            )
         caps = Caps(speed_mm_s, speed_deg_s, limits_deg, joints=JOINTS, widest_deg=_WIDEST_DEG, device=name)
         address = parse_url(url)
         feed = address.options.get("feed", "rtde")
         if feed not in ("rtde", "realtime"):
-            raise ConfigError(f"feed={feed!r} in {url!r} is neither rtde nor realtime", device=name)
+            raise ConfigError(
+                f"feed={feed!r} in {url!r} is neither rtde nor realtime",
+                device=name,
+                what_to_do="Use feed=rtde or feed=realtime.",
+            )
         self.name = name
         self._address, self._wire, self._clock = address, wire, clock
         self._deadlines = deadlines or UrDeadlines()

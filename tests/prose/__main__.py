@@ -226,7 +226,10 @@ def check_python(name: str) -> Iterator[Finding]:
             error = getattr(called, "id", getattr(called, "attr", ""))
             given = [*node.exc.args, *(k.value for k in node.exc.keywords)]
             texts = [text for each in given if (text := literal(each)) and " " in text]
-            alone = len(texts) == 1 and len(node.exc.args) < 2
+            remedies = [
+                k for k in node.exc.keywords if k.arg in ("do", "what_to_do") and literal(k.value) != ""
+            ]
+            alone = len(texts) == 1 and len(node.exc.args) < 2 and not remedies
             if (
                 error in ("DataError", "ConfigError")
                 and alone

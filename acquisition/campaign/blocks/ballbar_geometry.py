@@ -45,17 +45,20 @@ class BallbarGeometryBlock(Block):
         for name in base:
             if name not in cell.nests:
                 raise ConfigError(
-                    f"block {site.number + 1}: base names {name!r}, none of {', '.join(cell.nests)}"
+                    f"block {site.number + 1}: base names {name!r}, none of {', '.join(cell.nests)}",
+                    what_to_do="Name cups of world.nests of the cell.",
                 )
         if self.touch_with is not None and self.touch_with not in cell.tool.targets:
             raise ConfigError(
-                f"block {site.number + 1}: touch_with = {self.touch_with!r} is none of {', '.join(cell.tool.targets)}"
+                f"block {site.number + 1}: touch_with = {self.touch_with!r} is none of {', '.join(cell.tool.targets)}",
+                what_to_do="Name a target of the tool of the cell.",
             )
         if self.touch_with is not None and (
             len(cell.nests) < 3 or not set(list(cell.nests)[:3]) <= set(base)
         ):
             raise ConfigError(
-                f"block {site.number + 1}: touch_with needs the first three of {', '.join(cell.nests)} in its base"
+                f"block {site.number + 1}: touch_with needs the first three of {', '.join(cell.nests)} in its base",
+                what_to_do="Add the missing cups to base.",
             )
         of_tool, of_base = self._spans(cell, site.targets), self._spans(cell, base)
         if not of_tool and not of_base and self.touch_with is None:

@@ -224,7 +224,8 @@ class Site:
         if len(joints_deg) != self.cell.robot.model.joints:
             raise ConfigError(
                 f"block {self.number + 1}, {key} has {len(joints_deg)} joints, "
-                f"the robot {self.cell.robot.model.joints}"
+                f"the robot {self.cell.robot.model.joints}",
+                what_to_do="Give one value per joint.",
             )
         return rounded(joints_deg)
 

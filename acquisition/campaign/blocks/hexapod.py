@@ -69,7 +69,8 @@ class HexapodBlock(Block):
         if len(set(base)) < 3 or len(site.targets) != 3 or not set(base) <= set(site.cell.nests):
             raise ConfigError(
                 f"block {site.number + 1}: a hexapod lies between three balls of world.nests and three targets, "
-                f"not {', '.join(base)} and {', '.join(site.targets)}"
+                f"not {', '.join(base)} and {', '.join(site.targets)}",
+                what_to_do="Name three cups in base and three balls of the tool in targets.",
             )
         cell = site.cell
         tool = np.array([cell.tool.targets[name] for name in site.targets])
@@ -80,7 +81,10 @@ class HexapodBlock(Block):
             flange = found.flange[found.outward]
             joints = configurations(cell, flange)
         except (DataError, ValueError) as error:
-            raise ConfigError(f"block {site.number + 1}: {error}") from error
+            raise ConfigError(
+                f"block {site.number + 1}: {error}",
+                what_to_do="Correct the positions of the balls in the cell file.",
+            ) from error
         which, joints = self._allowed(site, joints, flange)
         if not len(which):
             raise ConfigError(

@@ -205,10 +205,16 @@ def read_poses(path: Path) -> tuple[Joints, ...]:
             try:
                 pose = tuple(float(line[column]) for column in columns)
             except (ValueError, IndexError) as error:
-                raise ConfigError(f"{path}, line {number}: a joint angle is not a number.") from error
+                raise ConfigError(
+                    f"{path}, line {number}: a joint angle is not a number.",
+                    what_to_do="Give every joint a number.",
+                ) from error
             if not all(math.isfinite(q) for q in pose):
-                raise ConfigError(f"{path}, line {number}: a joint angle is not finite.")
+                raise ConfigError(
+                    f"{path}, line {number}: a joint angle is not finite.",
+                    what_to_do="Give every joint a finite number.",
+                )
             poses.append(pose)
     if not poses:
-        raise ConfigError(f"{path}: has no poses.")
+        raise ConfigError(f"{path}: has no poses.", what_to_do="Add a line per pose below the header.")
     return tuple(poses)

@@ -71,16 +71,21 @@ class SphereBlock(Block):
 
     def visits_at(self, site: Site) -> list[BlockVisit]:
         if len(site.targets) != 1:
-            raise ConfigError(f"block {site.number + 1}: a sphere is measured with one target, name it")
+            raise ConfigError(
+                f"block {site.number + 1}: a sphere is measured with one target",
+                what_to_do="Name it in targets.",
+            )
         if self.base is not None and self.base not in site.cell.nests:
             raise ConfigError(
-                f"block {site.number + 1}: base = {self.base!r} is none of {', '.join(site.cell.nests)}"
+                f"block {site.number + 1}: base = {self.base!r} is none of {', '.join(site.cell.nests)}",
+                what_to_do="Name a cup of world.nests of the cell.",
             )
         nominal = float(site.cell.instrument.options.get("nominal_mm", self.radius_mm))
         stroke = site.cell.instrument.declared.stroke_mm or 0.0
         if self.base is not None and abs(self.radius_mm - nominal) > stroke:
             raise ConfigError(
-                f"block {site.number + 1}: radius_mm = {self.radius_mm:g}, the ballbar is {nominal:g} mm long"
+                f"block {site.number + 1}: radius_mm = {self.radius_mm:g}, the ballbar is {nominal:g} mm long",
+                what_to_do="Set radius_mm to the length of the bar.",
             )
         poses = self._poses(site)
         sides = site.sides()
@@ -135,7 +140,10 @@ class SphereBlock(Block):
         with as_config_error(f"block {site.number + 1}: "):
             branch = nearest_branch(configurations(site.cell, flange, taught[0]), taught)[0]
             if branch < 0:
-                raise ConfigError(f"block {site.number + 1}: centre_deg is outside the limits of the cell")
+                raise ConfigError(
+                    f"block {site.number + 1}: centre_deg is outside the limits of the cell",
+                    what_to_do="Choose a pose within limits_deg.",
+                )
             joints = np.round(configurations(site.cell, goals, taught[0])[:, branch], DECIMALS)
         good = np.all(np.isfinite(joints), axis=1)
         offset = abs(site.approach.offset_deg) * np.array(site.sides()) if self._suppress else 0.0

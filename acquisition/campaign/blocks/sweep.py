@@ -85,7 +85,8 @@ class SweepBlock(Block):
         low, high = site.cell.robot.limits_deg[self.joint - 1]
         if high - low <= 2.0 * reach:
             raise ConfigError(
-                f"block {site.number + 1}: joint {self.joint} has no room for an approach of {reach:g} deg"
+                f"block {site.number + 1}: joint {self.joint} has no room for an approach of {reach:g} deg",
+                what_to_do="Use a smaller offset_deg of the approach, or wider limits_deg.",
             )
         return low + reach, high - reach
 
@@ -238,8 +239,12 @@ def _refuse_joint(site: Site, joint: int) -> None:
     """
     robot = site.cell.robot.model
     if not 1 <= joint <= robot.joints:
-        raise ConfigError(f"block {site.number + 1} turns joint {joint}, the robot has {robot.joints}")
+        raise ConfigError(
+            f"block {site.number + 1} turns joint {joint}, the robot has {robot.joints}",
+            what_to_do="Choose another joint.",
+        )
     if joint in robot.slides:
         raise ConfigError(
-            f"block {site.number + 1} turns joint {joint} ({robot.axes[joint - 1]}), which slides"
+            f"block {site.number + 1} turns joint {joint} ({robot.axes[joint - 1]}), which slides",
+            what_to_do="Choose a joint that turns.",
         )

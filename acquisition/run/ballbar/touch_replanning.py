@@ -217,7 +217,10 @@ class Placing:
         found = configurations(there, flange, taught[0])
         branch = nearest_branch(found, taught)[0]
         if branch < 0:
-            raise ConfigError(f"the arm does not reach {base} where it was touched")
+            raise ConfigError(
+                f"the arm does not reach {base} where it was touched",
+                what_to_do="Move the cup, or touch it in another posture.",
+            )
         return rounded(found[0, branch])
 
 

@@ -257,7 +257,9 @@ def export_command(
         raise DataError("is not the name of a data set.", do="Let it end in .csv.", file=out)
     if streams:
         if later or accepted:
-            raise ConfigError("--streams: goes with neither --with nor --accept-device")
+            raise ConfigError(
+                "--streams: goes with neither --with nor --accept-device", what_to_do="Use --streams alone."
+            )
         _export_streams(record, out, json)
         return
     data, header = options.files_of(out)

@@ -42,7 +42,10 @@ def campaign_of(table: Mapping[str, Any]) -> Campaign:
             )
         count += block["count"] if isinstance(block.get("count"), int) else 0
     if count > MOST_POSES:
-        raise ConfigError(f"campaign, key 'block': has {count} poses, at most {MOST_POSES} are taken")
+        raise ConfigError(
+            f"campaign, key 'block': has {count} poses, at most {MOST_POSES} are taken",
+            what_to_do="Split the campaign.",
+        )
     return campaign_from(table, "campaign")
 
 
@@ -55,12 +58,14 @@ def refuse_null(value: object, where: str) -> None:
         The value is refused.
     """
     if value is None:
-        raise ConfigError(f"key '{where}' is null: leave it out")
+        raise ConfigError(f"key '{where}' is null", what_to_do="Leave the key out.")
     if isinstance(value, str):
         try:
             value.encode("utf-8")
         except UnicodeEncodeError as error:
-            raise ConfigError(f"key '{where}' is not valid text") from error
+            raise ConfigError(
+                f"key '{where}' is not valid text", what_to_do="Send UTF-8 text without surrogate characters."
+            ) from error
     elif isinstance(value, Mapping):
         for key, each in value.items():
             refuse_null(key, where)
