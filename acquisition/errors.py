@@ -102,7 +102,7 @@ class Displaced(Refused):
     code = 3109
     advice = (
         "Find out what moved it: a hand, the pendant, a brake. Nothing may move it between arrival and reading; "
-        "confirm, and it approaches the pose anew."
+        "confirm, and it approaches the pose again."
     )
 
 
@@ -121,8 +121,8 @@ class TouchedElsewhere(Refused):
 
     code = 3111
     advice = (
-        "Jog the ball named into the cup named, then confirm: the touch is asked for again. Where the cups do not "
-        "stand where the cell file has them, correct its world.nests and begin a new record."
+        "Jog the named ball into the named cup, then confirm: the touch is requested again. If the cups are not where "
+        "the cell file has them, correct its world.nests and begin a new record."
     )
 
 
@@ -130,7 +130,7 @@ class CupsDisagree(Refused):
     """The touched positions of two cups contradict the ballbar, or the sides make no triangle."""
 
     code = 3112
-    advice = "Confirm to do it again; skip to go on with what was measured."
+    advice = "Confirm to do it again, or skip to continue with the readings so far."
 
 
 class NestsDisagree(Refused):
@@ -173,7 +173,7 @@ class TurnedOtherwise(Refused):
     code = 3114
     advice = (
         "Check that the bridge sends the turn of the body in the frame of the reference, scalar first, and that the "
-        "body sits fast on the tool. Confirm to measure it again; if it is the first pose that was wrong, begin anew."
+        "body sits fast on the tool. Confirm to measure it again; if the first pose was wrong, begin a new record."
     )
 
 
@@ -191,7 +191,7 @@ class NotResumed(Refused):
     """The campaign is paused or ended, and was not resumed."""
 
     code = 3104
-    advice = "Look at the cell, then resume the campaign; the robot will approach the pose anew."
+    advice = "Look at the cell, then resume the campaign; the robot will approach the pose again."
 
 
 class IllegalTransition(Refused):

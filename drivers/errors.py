@@ -225,7 +225,7 @@ class MotionStopped(Refused):
     """The move ended before its target because it was stopped."""
 
     code = 3006
-    advice = "The robot stopped on its way: check the cell, then arm it again; the pose is approached anew."
+    advice = "The robot stopped on its way: check the cell, then arm it again; the pose is approached again."
 
 
 class CannotStop(Refused):
@@ -240,7 +240,7 @@ class NotReached(Refused):
     """The controller reports the end of the move, but not at the target."""
 
     code = 3008
-    advice = "Compare the position on the pendant with the one asked for before going on."
+    advice = "Compare the position on the pendant with the requested one before you continue."
 
 
 class CommandRefused(Refused):
@@ -303,4 +303,4 @@ class NoOperator(AcquisitionError):
 
     code = 7000
     exit_code = 4
-    advice = "Start the program in a terminal or use the operator page, so that somebody can answer."
+    advice = "Start the program in a terminal or use the operator's page, so that a person can answer."

@@ -353,7 +353,7 @@ class TcpLink:
             ) from error
         if self._buffer:
             raise ProtocolError(
-                "bytes that nobody asked for", device=self.device, command=command, raw=self._buffer
+                "bytes that were not requested", device=self.device, command=command, raw=self._buffer
             )
 
     def _more_within(self, quiet_s: float, command: str) -> bool:

@@ -108,8 +108,8 @@ def read_secret(path: Path, harm: str = "move the robot") -> str:
     data = read_bytes(path, _MOST_BYTES)
     if _POSIX and path.stat().st_mode & _OTHERS:
         raise DataError(
-            f"can be read by others, and whoever reads it can {harm}.",
-            do=f"Let nobody else read it: chmod 600 {path}",
+            f"can be read by others, and a person who reads it can {harm}.",
+            do=f"Let only its owner read it: chmod 600 {path}",
             file=path,
         )
     try:

@@ -40,8 +40,8 @@ def refuse_foreign(rooms: Iterable[str] = ROOMS) -> None:
             continue
         there = f"{found} is found instead" if found else "there is none"
         raise ImportError(
-            f"truepose needs its own package '{name}', in {home}, but {there}. Install TruePose in an environment of "
-            "its own, or start Python in another folder; PYTHONPATH may name one that holds such a package."
+            f"truepose needs its own package '{name}', in {home}, but {there}. Install TruePose in a separate "
+            "environment, or start Python in another folder; PYTHONPATH may name one that holds such a package."
         )
 
 

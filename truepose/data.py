@@ -111,7 +111,7 @@ def read(
     if isinstance(source, str | Path):
         if header is not None:
             raise DataError(
-                "has its header beside it.",
+                "has its header in the same folder.",
                 do="Give a header with a DataFrame only.",
                 file=source,
                 key="header",

@@ -78,7 +78,7 @@ def _state(chart: Chart, state: str) -> None:
         chart.fault(
             "state",
             NotReady(
-                "instrument is warming up", what_to_do="Wait until it is warm; its maker says how long."
+                "instrument is warming up", what_to_do="Wait until it is warm, as long as its manual states."
             ),
         )
     else:

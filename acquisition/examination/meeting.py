@@ -200,7 +200,7 @@ def examine_clock(chart: Chart, first: ClockReading, second: ClockReading, time_
             "clock",
             ProtocolError(
                 f"the device's clock is stopped at {second.device_s:.3f} s",
-                what_to_do="Start the device or its bridge anew: readings without a running clock are refused.",
+                what_to_do="Restart the device or its bridge: readings without a running clock are refused.",
             ),
         )
     elif abs(rate - time_scale) > max(_RATE_OFF * time_scale, 3.0 * spread):

@@ -82,7 +82,7 @@ def _load(entry: Mapping[str, Any], joints: int, path: Path | str) -> Load:
         ) from error
     except (TypeError, ValueError) as error:
         raise DataError(
-            f"a load is not made of numbers ({error}).",
+            f"a load has a value that is not a number ({error}).",
             do="Give link (a joint's number), mass_kg and cog_mm = [x, y, z].",
             file=path,
             key="loads",
@@ -472,8 +472,8 @@ def _twisted(
             raise DataError(
                 f"names axis {k}, but alpha_deg of link {k - behind} says that it leans "
                 f"{alpha[k - 1 - behind] / DEG:g} deg against axis {k - 1}.",
-                do=f'Set convention = "{other}" if these numbers are of that one; else name the second of two parallel '
-                "axes: 3 where axes 2 and 3 are parallel, in both conventions.",
+                do=f'Set convention = "{other}" if these numbers are of that one; otherwise name the second of '
+                "two parallel axes: 3 if axes 2 and 3 are parallel, in both conventions.",
                 file=path,
                 key="parallel_axes",
             )

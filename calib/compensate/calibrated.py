@@ -111,7 +111,7 @@ class Calibrated:
                 name = self._model.parameters[position].name
                 raise DataError(
                     f"the model holds {name}, which depends on a condition that was not stated.",
-                    do="State the temperature and the time for which the correction shall hold.",
+                    do="State the temperature and the time for which the correction is needed.",
                     key="conditions",
                 )
         return design

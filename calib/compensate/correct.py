@@ -322,7 +322,7 @@ def refuse_unlikely(
         ]
         raise DataError(
             f"corrects the robot by up to {' and '.join(beyond)}; most of it by this parameter.",
-            do="Use a model of this robot as it was written. Where the robot is really so far off, allow more: "
+            do="Use a model of this robot as it was written. If the robot is really that far off, allow more: "
             "--largest-correction DEG MM, over HTTP largest_deg and largest_mm.",
             file=file,
             key=model.parameters[int(np.argmax(share))].name,

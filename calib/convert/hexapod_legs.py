@@ -112,7 +112,7 @@ def read(path: Path) -> ConvertedTable:
     if found != 1:
         raise DataError(
             "has no table [noise] with its own line for 'kind'.",
-            do='Write it as [noise] and, on a line of its own, kind = "isotropic".',
+            do='Write it as [noise] and, on a separate line, kind = "isotropic".',
             file=path.with_suffix(".toml"),
             key="noise",
         )
@@ -276,7 +276,7 @@ def _side(dataset: Dataset, one: str, other: str, series: str) -> tuple[float, f
 def _place(places: Mapping[str, Vector], name: str, dataset: Dataset, key: str) -> Vector:
     if name not in places:
         raise DataError(
-            f"does not say where {name} is, and no pose can be solved without it.",
+            f"has no position of {name}, without which no pose can be solved.",
             do="Give its position.",
             file=dataset.path.with_suffix(".toml"),
             key=key,

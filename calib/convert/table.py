@@ -74,7 +74,7 @@ class ConvertedTable:
         if "set" in self.columns:
             if kind != "auto":
                 raise DataError(
-                    f"has a column 'set', which says what is held out, and '{kind}' is to hold out other readings.",
+                    f"has a column 'set', which marks the held-out readings, and '{kind}' would hold out others.",
                     do="Leave --holdout out, or take the column 'set' out of the map.",
                     key="holdout.kind",
                 )

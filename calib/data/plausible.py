@@ -104,8 +104,8 @@ def _refuse_stuck(dataset: Dataset) -> None:
             more = ", ..." if len(same) > _MOST_NAMED else ""
             x, y, z = found[k].tolist()
             raise DataError(
-                f"are {x:g}, {y:g}, {z:g} in {len(same)} readings ({names}{more}) of different postures: what an "
-                "instrument shows when it sees nothing.",
+                f"are {x:g}, {y:g}, {z:g} in {len(same)} readings ({names}{more}) of different postures, as from an "
+                "instrument that sees nothing.",
                 do="Leave these cells empty.",
                 file=dataset.path,
                 key="x_mm, y_mm, z_mm",
@@ -220,8 +220,8 @@ def _refuse_mixed(
     if apart.offset is None:
         raise DataError(
             f"{some} were measured from another station, or with the robot elsewhere: the nominal robot fits them, "
-            f"and the others, each in a place of its own; in that of the others it misses them by {apart.miss:.3g} mm.",
-            do="Give the readings of each station a name of their own in the column series.",
+            f"and the others, each in a separate place; in that of the others it misses them by {apart.miss:.3g} mm.",
+            do="Give the readings of each station a separate name in the column series.",
             file=dataset.path,
             key="series",
         )
@@ -282,7 +282,7 @@ def refuse_mirrored(dataset: Dataset, here: Mapping[str, Array], declared: Mappi
     if plain > _GOOD * np.linalg.norm(np.std(goal, axis=0)) and left(goal * _MIRROR) < _BETTER * plain:
         raise DataError(
             "lie mirrored to where the lengths find them: the frame they are given in is left-handed.",
-            do="Change the sign of one axis of all of them.",
+            do="Change the sign of one axis for all of them.",
             file=dataset.path.with_suffix(".toml"),
             key="base_targets",
         )

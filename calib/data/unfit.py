@@ -65,7 +65,7 @@ def refuse_unfit(dataset: Dataset, table: TextTable) -> None:
         few = int(rows[conditions.series == s].sum())
         if few < _FEWEST_A_SERIES:
             raise DataError(
-                f"series '{name}' has {few} calibration readings: they cannot say where its base is.",
+                f"series '{name}' has {few} calibration readings, too few to locate its base.",
                 do=f"Measure {_FEWEST_A_SERIES} or more with set = calibration, or leave the series out.",
                 file=table.path,
                 key="set",

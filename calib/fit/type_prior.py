@@ -125,7 +125,7 @@ class TypePrior:
         if set(self.groups) != set(groups):
             raise DataError(
                 f"was learnt with {', '.join(self.groups)} freed, here the model frees {', '.join(groups)}.",
-                do="Free the same groups under [model] fit: what one leaves out the others make up for.",
+                do="Free the same groups under [model] fit, because the others compensate for a missing group.",
                 key="prior",
             )
 

@@ -316,7 +316,7 @@ def read_export(path: Path, millimetres: float) -> PointExport:
         if found is None:
             raise DataError(
                 "is no point: a name, then x, y and z.",
-                do="Export Cartesian coordinates, one point a line, names without blanks; comments begin with //.",
+                do="Export Cartesian coordinates, one point per line, names without blanks; comments begin with //.",
                 file=path,
                 line=number,
             )

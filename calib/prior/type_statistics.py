@@ -347,7 +347,7 @@ def _refuse_unlike(members: Sequence[TypeMember]) -> None:
                 )
         if m.saved.held_std is None:
             raise DataError(
-                "does not say what its fit held parameters to: an older version wrote it, or a watch updated it.",
+                "does not state the priors of its fit: an older version wrote it, or a watch updated it.",
                 do="Write the model of the calibration again with 'truepose diagnose DATA.csv --model'.",
                 file=m.path,
                 key="parameters.held_std",

@@ -507,7 +507,7 @@ def _refuse_other_lengths(table: DhTable, links: Sequence[DraftLink]) -> None:
         k = int(np.argmax(spans))
         raise DataError(
             f"is an arm whose lengths make {arm:g} mm together; the longest link has {spans[k]:g} mm.",
-            do="Correct it, or say --lengths mm or --lengths m for what is meant.",
+            do="Correct it, or state the unit with --lengths mm or --lengths m.",
             file=table.path,
             line=table.lines[k],
         )

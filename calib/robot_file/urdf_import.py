@@ -121,7 +121,7 @@ def _refuse_far_normals(chain: SerialChain, numbers: DhChain, path: Path) -> Non
     raise DataError(
         f"the axes of '{chain.names[k - 1]}' and '{chain.names[k]}' are parallel but for {angle[k - 1] / DEG:.2g} deg: "
         f"the common normal, by which a robot file goes, lies beyond {FARTHEST_MM / 1000.0:.0f} m.",
-        do="Where they are meant to be parallel, write so: rpy with all its digits, of the maker's drawing. The errors "
+        do="If they are meant to be parallel, write so: rpy with all its digits, of the maker's drawing. The errors "
         "of one calibrated arm belong into a model: truepose identify.",
         file=path,
     )

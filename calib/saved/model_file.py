@@ -121,7 +121,7 @@ class CalibratedModel:
         if {own, there} == {"on", "off"}:
             raise DataError(
                 f"is {there}, and the model was identified with the controller's absolute accuracy {own}.",
-                do=f"Switch it {own} on the controller, or identify the model anew.",
+                do=f"Switch it {own} on the controller, or identify the model again.",
                 file=file,
                 key=key,
             )
@@ -154,7 +154,7 @@ class CalibratedModel:
             links = sorted({load.link for load in (*arm, *arm_there) if (load in arm) != (load in arm_there)})
             raise DataError(
                 f"declares other masses of link {', '.join(map(str, links))} than the model was fitted with.",
-                do="Use the robot file of the calibration, or identify the model anew with these loads.",
+                do="Use the robot file of the calibration, or identify the model again with these loads.",
                 file=file,
                 key="loads",
             )

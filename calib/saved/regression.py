@@ -96,7 +96,7 @@ def refuse_unlikely_shift(regression: Regression, robot: Robot, most_mm: float, 
     if not shift <= most_mm:
         raise DataError(
             f"shifts the point by up to {shift:.1f} mm at the angles that it was trained at, more than {most_mm:g} mm.",
-            do="Use a model of this robot as it was written. Where the robot is really so far off, allow more: "
+            do="Use a model of this robot as it was written. If the robot is really that far off, allow more: "
             "--largest-correction DEG MM, over HTTP largest_mm.",
             file=path,
             key="regression",

@@ -163,7 +163,9 @@ def _refuse(blocks: PoseRows, count: int, starts: int) -> None:
         raise DataError(f"is {starts}.", do="Give one start or more.", key="starts")
     if count > blocks.poses:
         raise DataError(
-            f"{count} poses are wanted of {blocks.poses} candidates.", do="Draw more candidates.", key="count"
+            f"{count} poses are requested from {blocks.poses} candidates.",
+            do="Draw more candidates.",
+            key="count",
         )
     if count * blocks.width < blocks.parameters:
         raise DataError(

@@ -49,7 +49,7 @@ class PoseRows:
         rows = np.asarray(rows, dtype=np.float64)
         if rows.ndim != 3 or rows.size == 0:
             raise DataError(
-                f"the rows have shape {rows.shape}.", do="Give (candidates, rows a pose, parameters)."
+                f"the rows have shape {rows.shape}.", do="Give (candidates, rows per pose, parameters)."
             )
         if not np.all(np.isfinite(rows)):
             bad = int(np.argmin(np.all(np.isfinite(rows), axis=(1, 2))))

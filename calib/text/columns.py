@@ -69,7 +69,9 @@ class TextTable:
         """
         if text.lstrip().startswith("{"):
             raise DataError(
-                "is JSON, not a table.", do="Give a data set: a CSV with its header beside it.", file=path
+                "is JSON, not a table.",
+                do="Give a data set: a CSV with its header in the same folder.",
+                file=path,
             )
         lines = rows_of(text, path)
         if not lines:
@@ -187,7 +189,7 @@ def refuse_wide(columns: int, file: Path | str, line: int) -> None:
     if columns > MOST_COLUMNS:
         raise DataError(
             f"has {columns} columns; at most {MOST_COLUMNS} are taken.",
-            do="Leave out columns that nobody reads.",
+            do="Leave out columns that are not used.",
             file=file,
             line=line,
         )

@@ -114,7 +114,7 @@ def chart_of(
     first = max(1, min(REFERENCE, len(checks) - 1)) if reference is None else reference
     if not 1 <= first <= len(checks):
         raise DataError(
-            f"has {len(checks)} values, and {first} are wanted as the reference.",
+            f"has {len(checks)} values, and the reference needs {first}.",
             do="Take fewer.",
             key="reference",
         )
@@ -124,7 +124,7 @@ def chart_of(
     between, freedom = _scatter(values[:first], u[:first])
     if between + np.max(u) == 0.0:
         raise DataError(
-            "has values without U that do not scatter: nothing says what is chance.",
+            "has values without U that do not scatter, so that their chance error is unknown.",
             do="Give U with the values.",
             key="history",
         )

@@ -306,7 +306,9 @@ def _line(x: Array, values: Array, u: Array) -> tuple[Array, Array, float]:
     between = max(float(left @ left) / freedom - float(np.mean(u**2)), 0.0) if freedom else 0.0
     variance = between + u**2
     if np.any(variance <= 0.0):
-        raise DataError("is 0, and nothing else says how sure the values are.", do="Give U.", key="u")
+        raise DataError(
+            "is 0, and the uncertainty of the values is not stated elsewhere.", do="Give U.", key="u"
+        )
     weighed = design / np.sqrt(variance)[:, None]
     covariance: Array = np.asarray(np.linalg.inv(weighed.T @ weighed), dtype=np.float64)
     return covariance @ weighed.T @ (values / np.sqrt(variance)), covariance, between

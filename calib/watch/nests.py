@@ -60,7 +60,7 @@ def nest_limit(
     spread = float(np.sqrt(2.0 * np.linalg.eigvalsh(covariance).max()))
     if spread == 0.0:
         raise DataError(
-            "is 0: nothing says what is chance.", do="Declare the instrument's noise.", key="noise"
+            "is 0, so that chance errors are unknown.", do="Declare the instrument's noise.", key="noise"
         )
     limit = float(stats.chi2.isf(rate / len(nests), 3))
     return NestLimit(

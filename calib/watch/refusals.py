@@ -203,12 +203,12 @@ def _same_frame(saved: CalibratedModel, dataset: Dataset) -> tuple[str, ...]:
     moved = float(np.linalg.norm(np.subtract(header.noise.station_mm, saved.model.station)))
     if header.world == "free" or (header.noise.kind == "tracker" and moved > _STATION_MM):
         what = (
-            "is in a frame of its own" if header.world == "free" else f"is from a station {moved:.0f} mm away"
+            "is in a separate frame" if header.world == "free" else f"is from a station {moved:.0f} mm away"
         )
         raise DataError(
             f"{what}, and names no nests that tie it to the frame of the baseline.",
-            do="Set the frame up on the nests of the calibration (key 'nests'), or fit it anew with --new-frame: then "
-            "a moved base is not seen.",
+            do="Set the frame up on the nests of the calibration (key 'nests'), or fit it again with --new-frame, "
+            "which does not detect a moved base.",
             file=dataset.path,
             key="nests",
         )

@@ -262,7 +262,9 @@ def cause_to_update(verdict: WatchVerdict) -> Cause:
         )
     if verdict.kind == "unexplained":
         raise DataError(
-            "what has changed is not known: no parameter can be updated.", do="Recalibrate.", file="--update"
+            "the cause of the change is not known: no parameter can be updated.",
+            do="Recalibrate.",
+            file="--update",
         )
     if (likeliest := verdict.causes[0][0]).label.partition(":")[0] in _PASSING:
         raise DataError(

@@ -262,7 +262,7 @@ class AbbSimpleArm:
             if rested > self.deadlines.still_s or self._clock() > end:
                 limit = "still_s" if rested > self.deadlines.still_s else "move_s"
                 raise NotReached(
-                    f"{off:.3f} deg from where it was sent, given up after {limit}",
+                    f"{off:.3f} deg from its target, abandoned after {limit}",
                     device=self.name,
                     command="move_to",
                     raw=now.raw,
@@ -302,7 +302,7 @@ class AbbSimpleArm:
             if alike == _ALIKE:
                 return now
             if self._clock() >= end:
-                raise Busy("the robot goes on moving", device=self.name, command=command, raw=now.raw)
+                raise Busy("the robot is still moving", device=self.name, command=command, raw=now.raw)
             before = now
 
     def stop(self) -> None:

@@ -153,7 +153,7 @@ def point_of(session: MbpSession, reply: mbp.Message, asked: MeasureRequest) -> 
         ),
     ):
         if impossible:
-            raise ProtocolError(f"{why}, asked for {asked.target}", command="MEASURE", raw=reply.raw)
+            raise ProtocolError(f"{why}, requested was {asked.target}", command="MEASURE", raw=reply.raw)
     session.void_if_reported(_VOID, t_s - asked.lasted_s, reply.raw)
     for bad, why in (
         (value("n", 0, 1e9) != asked.samples, f"not of {asked.samples} samples"),

@@ -229,7 +229,7 @@ class CTrack:
         for key, wanted in (("model", target), ("ref", self._reference)):
             if reply.fields.get(key) != wanted:
                 raise ProtocolError(
-                    f"pose with {key}={reply.fields.get(key)}, asked for {wanted}", raw=reply.raw
+                    f"pose with {key}={reply.fields.get(key)}, requested was {wanted}", raw=reply.raw
                 )
         x, y, z = value("x"), value("y"), value("z")
         q = tuple(value(f"q{i}", -1.000001, 1.000001) for i in range(4))

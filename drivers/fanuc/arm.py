@@ -250,7 +250,7 @@ class FanucArm:
                 if _apart(before, now) <= _AGREE_DEG:
                     return now
                 if self._clock() >= end:
-                    raise Busy("the robot goes on moving", device=self.name, command="position", raw=now.raw)
+                    raise Busy("the robot is still moving", device=self.name, command="position", raw=now.raw)
                 before = now
 
     def stop(self) -> None:

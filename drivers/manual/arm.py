@@ -182,7 +182,7 @@ class ManualArm:
         """
         self._armed = False
         raise CannotStop(
-            BY_HAND, device=self.name, command="stop", what_to_do="Tell whoever drives it to stop."
+            BY_HAND, device=self.name, command="stop", what_to_do="Tell the person who drives it to stop."
         )
 
     def status(self) -> RobotStatus:

@@ -345,7 +345,7 @@ class Questions:
             There is no person to ask.
         """
         if self.attend is None:
-            raise NoOperator("nobody is there to be asked", device=self._device, command=picture)
+            raise NoOperator("no operator is there to answer", device=self._device, command=picture)
         words, shown, doubted = text, picture, None
         while True:
             typed = self.attend(words, entry, shown)

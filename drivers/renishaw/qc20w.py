@@ -182,7 +182,7 @@ class Qc20w:
             f"bar {now.serial or '?'} of {now.length_mm:g} mm answers, until now it was {self._serial or '?'}",
             command="CAL",
             raw=reply.raw,
-            what_to_do="Connect the bar of before; another one belongs into a record of its own.",
+            what_to_do="Connect the bar used before, or begin a new record for this one.",
         )
 
     def _hear_of_the_radio(self) -> None:
@@ -337,7 +337,7 @@ class Qc20w:
 
         for key, asked in (("target", target), ("base", base_target)):
             if reply.fields.get(key, asked) != asked:
-                raise ProtocolError(f"length of {reply.fields[key]}, asked for {asked}", raw=reply.raw)
+                raise ProtocolError(f"length of {reply.fields[key]}, requested was {asked}", raw=reply.raw)
         d, sd = value("d", -100.0, 100.0), value("sd", 0.0, 100.0)
         t_s, age_s, temp = value("t", -1e12, 1e12), value("age", -1e12, 1e12), value("temp", -40.0, 80.0)
         advanced = self.session.advanced(t_s)

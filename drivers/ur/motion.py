@@ -119,7 +119,7 @@ def not_ready(state: UrState) -> AcquisitionError | None:
         return Busy(
             "a program runs or is paused on the controller, or the arm moves",
             raw=state.shown,
-            what_to_do="Stop the program on the pendant and let go of the arm, then confirm.",
+            what_to_do="Stop the program on the pendant and release the arm, then confirm.",
         )
     return problem
 

@@ -195,7 +195,7 @@ class Rtde:
         if more and "NOT_FOUND" in types and types[: len(_FIELDS)] == wanted[: len(_FIELDS)]:
             return False
         if types != wanted or reply[0] == 0:
-            raise ProtocolError("controller has other output fields than asked for", raw=reply)
+            raise ProtocolError("controller has other output fields than requested", raw=reply)
         self._recipe = reply[0]
         return True
 
@@ -296,7 +296,7 @@ class Rtde:
         self._beat()
         kind, payload = self._package(command, self._clock() + self.deadlines.reply_s)
         if kind != _DATA:
-            raise ProtocolError("answer that nobody asked for", raw=payload)
+            raise ProtocolError("answer that was not requested", raw=payload)
         return parse_data(payload, self._recipe, numbered=self._echoed)
 
     def _tell(self, text: str) -> None:

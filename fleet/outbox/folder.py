@@ -241,7 +241,7 @@ def _refuse_simulated(simulated: bool, cell: CellFolder, path: Path) -> None:
     if simulated and not cell.simulated:
         raise DataError(
             "is of a simulated robot.",
-            do="Give --simulated to take such documents too, into a store of their own.",
+            do="Give --simulated to take such documents too, into a separate store.",
             file=path,
         )
 

@@ -253,7 +253,7 @@ def version(connection: sa.Connection, engine: sa.Engine) -> str:
         if names:
             raise StoreError(
                 f"holds tables of something else ('{min(names)}').",
-                do="Give a file or database of its own.",
+                do="Give a separate file or database.",
                 file=shown(engine.url),
             )
         return ""

@@ -21,7 +21,7 @@ COMMANDS = {
     "robot": ("files.robot.app", "Write, import and check the file of a robot of your own."),
     "convert": ("files.convert.convert", "Import foreign data."),
     "align": ("files.align.align_command", "Align the streams of a moving robot and of a tracker."),
-    "identify": ("models.identify.identify_command", "Identify the robot's parameters, nothing else."),
+    "identify": ("models.identify.identify_command", "Identify the robot's parameters without a diagnosis."),
     "diagnose": ("models.diagnose.diagnose_command", "Identify, find what the model lacks, correct it."),
     "sweeps": ("models.sweeps.sweeps_command", "Show what single joints do while they alone turn."),
     "regress": ("models.regress.regress_command", "Compare regression with identification."),

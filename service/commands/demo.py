@@ -72,7 +72,7 @@ def demo(
         Path, typer.Option(metavar="DIR", help="Folder for data, records, results and report.")
     ] = Path("demo-out"),
     time_scale: Annotated[
-        float, typer.Option(min=1.0, max=1000.0, help="Simulated seconds a second.")
+        float, typer.Option(min=1.0, max=1000.0, help="Simulated seconds per real second.")
     ] = rehearsal.TIME_SCALE,
     effect: Annotated[
         str | None,

@@ -24,7 +24,7 @@ def docs_command(
         str, typer.Argument(metavar="PAGE", help="Show this page in the terminal, e.g. first-hour.")
     ] = "",
     where: Annotated[
-        bool, typer.Option("--where", help="Say where the pages are, and open nothing.")
+        bool, typer.Option("--where", help="Print the path of the pages, and open nothing.")
     ] = False,
 ) -> None:
     """Open the documentation. If it was not built as a site, its pages are listed."""

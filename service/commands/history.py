@@ -86,9 +86,7 @@ def add_command(
     serial: options.Serial = "",
     simulated: Annotated[
         bool,
-        typer.Option(
-            "--simulated", help="Keep documents of simulated robots, too; use a store of their own."
-        ),
+        typer.Option("--simulated", help="Keep documents of simulated robots too; use a separate store."),
     ] = False,
     json: options.Json = None,
 ) -> None:
@@ -158,7 +156,7 @@ def retire_command(
 ) -> None:
     """Say that a robot is measured no more: it is not due and needs no care. New readings of it bring it back."""
     if not because.strip():
-        raise DataError("is empty.", do="Say why.", key="--because")
+        raise DataError("is empty.", do="Give the reason.", key="--because")
     options.check_outputs({"--json": json})
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal, opened(store) as kept:
         robot = results.robot_of(kept, serial, model)

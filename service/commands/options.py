@@ -23,7 +23,7 @@ from service.printed.terminal import Terminal
 from service.results.judgement.acceptance import NAMES, AcceptanceLimits, AcceptanceResult, read_zones
 
 Data = Annotated[
-    Path, typer.Argument(metavar="DATA.csv", help="Data set; its header DATA.toml lies beside it.")
+    Path, typer.Argument(metavar="DATA.csv", help="Data set, with its header DATA.toml in the same folder.")
 ]
 Json = Annotated[
     str | None,
@@ -41,7 +41,7 @@ Level = Annotated[
     typer.Option(
         min=1,
         max=3,
-        help="1 joints, 2 geometry, 3 and gravity; instead of what the header's [model] frees.",
+        help="1: joints; 2: geometry; 3: geometry and gravity. Default: as [model] of the header states.",
     ),
 ]
 PriorFile = Annotated[
@@ -62,7 +62,7 @@ AcceptRms = Annotated[
     typer.Option(
         "--accept-rms",
         metavar="MM",
-        help="RMS error on validation rows asked for, judged with its uncertainty; not met: exit code 3.",
+        help="Required RMS error on validation rows, judged with its uncertainty. Exit code 3 if it is not met.",
     ),
 ]
 AcceptMax = Annotated[
@@ -70,7 +70,7 @@ AcceptMax = Annotated[
     typer.Option(
         "--accept-max",
         metavar="MM",
-        help="Largest error on validation rows asked for, judged with its uncertainty; not met: exit code 3.",
+        help="Required largest error on validation rows, judged with its uncertainty. Exit code 3 if it is not met.",
     ),
 ]
 AcceptZones = Annotated[
@@ -78,7 +78,7 @@ AcceptZones = Annotated[
     typer.Option(
         "--accept-zones",
         metavar="ZONES.toml",
-        help="Boxes in the base frame with limits of their own, judged one by one; one not met: exit code 3.",
+        help="Boxes in the base frame with separate limits. Exit code 3 if one is not met.",
     ),
 ]
 RobotFile = Annotated[

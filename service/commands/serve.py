@@ -66,8 +66,8 @@ def serve(
         str | None,
         typer.Option(
             metavar="URL",
-            help=f"Store of the history of robots, as of 'truepose history'; or in {history.VARIABLE}, which is not "
-            "heeded with --simulate. Default: a file in DIR.",
+            help=f"Store of the history of robots, as for 'truepose history', or {history.VARIABLE}, which is "
+            "ignored with --simulate. Default: a file in DIR.",
         ),
     ] = None,
     permitted: Annotated[
@@ -168,9 +168,9 @@ def _sole_service(record: Path) -> Iterator[Callable[[str], object]]:
                 f"cannot be written ({error.strerror}).", do="Give another folder with --record.", file=record
             ) from error
         if not free:
-            told = where.read_text("utf-8").strip() if where.is_file() else ""
+            address = where.read_text("utf-8").strip() if where.is_file() else ""
             raise DataError(
-                f"is served already{f' at {told}' if told else ''}.",
+                f"is served already{f' at {address}' if address else ''}.",
                 do="Use that service, end it, or give another folder with --record.",
                 file=record,
             )

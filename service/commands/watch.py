@@ -57,7 +57,8 @@ Update = Annotated[
 NewFrame = Annotated[
     bool,
     typer.Option(
-        "--new-frame", help="The instrument was moved: fit the frame anew. A moved base is then not seen."
+        "--new-frame",
+        help="The instrument was moved: fit its frame again. A moved base is then not detected.",
     ),
 ]
 AllowMissing = Annotated[
@@ -136,7 +137,8 @@ def plan_command(
     new_frame: Annotated[
         bool,
         typer.Option(
-            "--new-frame", help="Instrument or artefact is set up anew each time: a moved base is not seen."
+            "--new-frame",
+            help="The instrument or artefact is set up again each time: a moved base is not detected.",
         ),
     ] = False,
     rate: Rate = RATE,
@@ -212,7 +214,7 @@ def run_command(
         )
     if record.exists():
         raise DataError(
-            "exists already: each watch has a record of its own.",
+            "exists already: each watch has its own record.",
             do="Name a new folder.",
             file=f"--record {record}",
         )

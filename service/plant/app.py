@@ -57,7 +57,7 @@ def create_plant(store: FleetStore, settings: FleetServerSettings) -> FastAPI:
     app = FastAPI(
         title="TruePose fleet",
         version=version("truepose"),
-        description="What the cells of a plant know of their robots. Moves nothing.",
+        description="Documents that the cells of a plant have of their robots. Moves nothing.",
         openapi_url=None,  # docs, too, would load from elsewhere: `serve_openapi`
     )
     app.state.store = store
@@ -80,12 +80,12 @@ def create_plant(store: FleetStore, settings: FleetServerSettings) -> FastAPI:
 def _refusal(role: Role, method: str, path: str) -> Problem | None:
     if role is Role.VIEWER and method not in ("GET", "HEAD"):
         return Problem(
-            403, "The token of a viewer reads, and nothing else.", "Send the token of a cell.", code=8113
+            403, "The token of a viewer only permits reading.", "Send the token of a cell.", code=8113
         )
     if role is Role.OPERATOR and not (method == "PUT" and _PUT.fullmatch(path)):
         return Problem(
             403,
-            "The token of a cell puts documents in, and nothing else.",
+            "The token of a cell only permits adding documents.",
             "Send the viewer's token.",
             code=8113,
         )

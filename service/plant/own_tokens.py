@@ -115,7 +115,7 @@ def read_tokens(file: Path) -> list[OwnToken]:
             for each in table["tokens"]
         ]
     except (KeyError, TypeError, AttributeError) as error:
-        raise DataError(f"is damaged ({error}).", do="Make it anew; cells wait.", file=file) from error
+        raise DataError(f"is damaged ({error}).", do="Create it again; the cells wait.", file=file) from error
 
 
 def write_tokens(file: Path, tokens: Sequence[OwnToken]) -> None:

@@ -40,10 +40,10 @@ class DocumentShown(BaseModel):
     serial: str = Field(description="Serial number of the robot.")
     model: str = Field(description="Type of the robot.")
     cell: str = Field(description="The cell that sent it.")
-    identity: str = Field(description="Which thing it is a statement of.")
+    identity: str = Field(description="Identity of the thing that it describes.")
     measured_at: datetime
     added_at: datetime
-    program: str = Field(description="Version that wrote it; empty where it does not say.")
+    program: str = Field(description="Version that wrote it; empty if it is not stated.")
     size: int = Field(description="Bytes.")
     conflict: bool = Field(description="Whether another content was sent for the same identity.")
 
@@ -163,14 +163,16 @@ async def put_document(
     request: Request,
     store: Here,
     hash: Hash,
-    kind: Annotated[Kind, Query(description="What the document is.")],
+    kind: Annotated[Kind, Query(description="Kind of document.")],
     serial: Annotated[str, Query(description="Serial number of the robot.")],
     model: Annotated[str, Query(description="Type of the robot.")],
     cell: Annotated[
         str,
-        Query(description="The cell that made it; where the token is a cell's own, that one's name counts."),
+        Query(
+            description="The cell that made it. A token of one cell overrides it by the name of that cell."
+        ),
     ],
-    identity: Annotated[str, Query(description="Which thing it is a statement of.")],
+    identity: Annotated[str, Query(description="Identity of the thing that it describes.")],
     measured_at: Annotated[
         datetime, Query(description="When its first reading was taken, with a time zone.")
     ],
@@ -235,7 +237,9 @@ def list_documents(
     model: Annotated[str, Query(description="Type of the robot.")] = "",
     kind: Annotated[Kind | None, Query(description="Of this kind.")] = None,
     since: Annotated[datetime | None, Query(description="Measured then or later, with a time zone.")] = None,
-    limit: Annotated[int, Query(ge=1, le=MOST, description="At most so many, the newest.")] = 1000,
+    limit: Annotated[
+        int, Query(ge=1, le=MOST, description="Largest number of documents; the newest are listed.")
+    ] = 1000,
 ) -> DocumentsShown:
     """List the newest documents, newest first."""
     if since is not None and since.tzinfo is None:

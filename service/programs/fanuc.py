@@ -262,7 +262,7 @@ class FanucProgram:
             odd = next(begin + m.start() for m in heads if begin + m.start() not in whole)
             raise DataError(
                 "a position is not written as P[n]{ ... };",
-                do="Correct it, or list the program anew.",
+                do="Correct it, or list the program again.",
                 file=self._file,
                 line=self._lines.at(odd),
             )

@@ -327,7 +327,7 @@ class KukaProgram:
 
     def _tool_and_base(self, of: list[_Valid]) -> tuple[Array, Array]:
         if any(valid.outside for valid in of):
-            raise ValueError("its tool stands in the room (IPO_FRAME #TCP)")
+            raise ValueError("its tool is fixed in the cell (IPO_FRAME #TCP)")
         found = [(self._pose(valid.tool, "TOOL"), self._pose(valid.base, "BASE")) for valid in of]
         if any(not np.allclose(np.array(each), np.array(found[0]), atol=1e-9) for each in found[1:]):
             raise ValueError("it is used with several tools or bases: one correction cannot serve them")

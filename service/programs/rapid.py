@@ -230,7 +230,7 @@ class RapidProgram:
             raise ValueError("no motion of this module uses it, so its tool is not known: give --tool")
         held, frame, _ = self._record(name, "tooldata", 3, "--tool")
         if held.text.lower() != "true":
-            raise ValueError(f"its tool '{name}' is fixed in the room")
+            raise ValueError(f"its tool '{name}' is fixed in the cell")
         return self._pose(frame)
 
     def _frame(self, name: str) -> Array:

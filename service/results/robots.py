@@ -199,8 +199,8 @@ def put(address: str, name: str, content: bytes, header: bytes | None, cell: Cel
     if not found:
         raise DataError(
             "is no document that a history keeps.",
-            do="Send a model, the verdict of a watch, a diagnosis or an upkeep, as it was written; of a data set its "
-            "CSV as the file and its header as toml.",
+            do="Send a model, the verdict of a watch, a diagnosis or a thermal update as it was written, or a "
+            "data set: its CSV as the file and its header as toml.",
             file=name,
         )
     with FleetStore.open(address) as store:

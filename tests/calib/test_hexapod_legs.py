@@ -144,7 +144,7 @@ def test_legs_taken_in_two_visits_are_solved_where_the_pose_is_whole_in_another_
 def test_a_cup_without_a_position(tmp_path: Path) -> None:
     header = header_of(_CELL, {k: v for k, v in _CELL.nests.items() if k != "B3"}, _CELL.tool.targets)
     header["base_targets"]["B3"] = "free"
-    with pytest.raises(DataError, match="does not say where B3 is"):
+    with pytest.raises(DataError, match="has no position of B3"):
         solved_poses(read_dataset(write_files(tmp_path, LEGS, header)))
 
 

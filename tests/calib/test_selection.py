@@ -171,7 +171,7 @@ def test_indices_follow_their_formulas() -> None:
 @pytest.mark.parametrize(
     ("change", "count", "words"),
     [
-        (lambda rows: rows, 21, "21 poses are wanted of 20 candidates"),
+        (lambda rows: rows, 21, "21 poses are requested from 20 candidates"),
         (lambda rows: rows, 2, "2 poses have 4 rows for 5 parameters"),
         (lambda rows: rows * np.array([1, 1, 0, 1, 1]), 6, "4 of 5 parameters"),
         (lambda rows: np.where(rows > 2.5, np.nan, rows), 6, "not finite"),

@@ -84,7 +84,7 @@ def test_deadline_is_named_and_closes(pair: Pair) -> None:
 def test_nothing_unread_before_asking(pair: Pair) -> None:
     pair.device.sendall(b"late\n")
     until(lambda: pair.link._socket is not None and readable(pair.link._socket))
-    with pytest.raises(ProtocolError, match="nobody asked"):
+    with pytest.raises(ProtocolError, match="not requested"):
         ask(pair)
     assert not pair.link.is_open
 

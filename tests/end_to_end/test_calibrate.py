@@ -62,7 +62,7 @@ def test_the_plan_alone_says_poses_minutes_and_accuracy(cell: Path, tmp_path: Pa
         (("--zone", "x=300:500,x=200:300"), "twice"),
         (("--minutes", "inf"), "--minutes"),
         (("--zone", "x=5:1"), "lower limit first"),
-        ((), "nobody is at this terminal"),  # a real cell, and standard input is no terminal
+        ((), "no person at this terminal"),  # a real cell, and standard input is no terminal
     ],
 )
 def test_what_cannot_begin_is_said_before_anything_is_written(

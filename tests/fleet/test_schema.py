@@ -97,7 +97,7 @@ def _with_tables_of_another(path: Path) -> None:
 @pytest.mark.parametrize(
     ("spoil", "said"),
     [
-        (_with_tables_of_another, r"'orders'.*of its own"),
+        (_with_tables_of_another, r"'orders'.*separate"),
         (
             lambda path: path.write_bytes(b"no database at all, but long enough to have a header " * 20),
             "no database",

@@ -167,7 +167,7 @@ def test_silence_frees_the_lease_for_another(tmp_path: Path) -> None:
             lease.grant("bert", 30.0)
         clock.pass_by(2.0)
         until(lambda: lapsed == ["anna"])
-    with pytest.raises(Problem, match="Nobody holds"):
+    with pytest.raises(Problem, match="No client holds"):
         lease.needed(first.secret)
     with pytest.raises(
         Problem, match="has ended"

@@ -45,7 +45,7 @@ def test_the_search_over_http(tmp_path: Path) -> None:
             problem(service.client.post("/placements", json=wrong), 422)
         nowhere = service.client.post("/placements", json={"zone": [9000, 0, 0, 50]}).json()
         failed = service.until(f"/placements/{nowhere['id']}", "succeeded", "failed")
-        assert "name a zone that the arm reaches" in json.dumps(failed["problem"])
+        assert "Name a zone that the arm reaches" in json.dumps(failed["problem"])
         other = service.client.post("/placements", json={"base": ["B1", "B2", "B9"]}).json()
         failed = service.until(f"/placements/{other['id']}", "succeeded", "failed")
         assert "Name three or four of B1, B2, B3" in json.dumps(failed["problem"])

@@ -112,7 +112,7 @@ REFUSALS = {
     "a tool in the room": (
         "a.dat",
         DAT.replace("IPO_FRAME #BASE", "IPO_FRAME #TCP", 1),
-        "stands in the room",
+        "is fixed in the cell",
     ),
     "another tool": ("a.dat", DAT.replace("TOOL_NO 1", "TOOL_NO 3", 1), "give --tool 3="),
     "a base that is computed": ("a.src", SRC.replace("BASE_DATA[2]", "myBase"), "give --frame"),

@@ -115,9 +115,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run, print; 0 when nothing failed."""
     parser = argparse.ArgumentParser(prog="python -m tests.steady", description=__doc__)
     parser.add_argument("--times", type=int, default=TIMES, help="how often each test runs (%(default)s)")
-    parser.add_argument("--busy", type=int, default=BUSY, help="busy processes beside them (%(default)s)")
+    parser.add_argument("--busy", type=int, default=BUSY, help="busy processes in addition (%(default)s)")
     parser.add_argument("--jobs", type=int, default=JOBS, help="test processes (%(default)s)")
-    parser.add_argument("--log", type=Path, metavar="FILE", help="what is through, for further sessions")
+    parser.add_argument(
+        "--log", type=Path, metavar="FILE", help="tests that have passed, kept for further sessions"
+    )
     parser.add_argument("test", nargs="*", metavar="TEST")
     options = parser.parse_args(arguments)
     log: Path | None = options.log

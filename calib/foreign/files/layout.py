@@ -339,7 +339,7 @@ def layouts_of(sheets: Sequence[Sheet], lines: tuple[int, int] | None = None) ->
             shown += ", ..." if len(two.lines) > _SHOWN else ""
             raise DataError(
                 f"holds {len(two.lines)} tables, in lines {shown}.",
-                do=f"Say which: lines = [{two.lines[0][0]}, {two.lines[0][1]}] in the map, or --lines "
+                do=f"Choose: lines = [{two.lines[0][0]}, {two.lines[0][1]}] in the map, or --lines "
                 f"{two.lines[0][0]} {two.lines[0][1]}.",
                 file=sheet.shown,
             ) from two
@@ -347,7 +347,7 @@ def layouts_of(sheets: Sequence[Sheet], lines: tuple[int, int] | None = None) ->
     if not out:
         raise DataError(
             f"holds no table: no rows with {FEWEST_NUMBERS} numbers or more.",
-            do="Give one row a reading, columns apart by tabs, semicolons, commas or blanks.",
+            do="Give one row per reading, with columns separated by tabs, semicolons, commas or blanks.",
             file=sheets[0].path,
         )
     return out

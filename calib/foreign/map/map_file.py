@@ -283,7 +283,7 @@ def refuse_other(each: FileMap, layout: Layout, map_path: Path | str) -> None:
     differs = [f"lacks {_some(missing)}"] * bool(missing) + [f"has {_some(new)} besides"] * bool(new)
     raise DataError(
         f"is not made as the file for which the map {map_path} was made: it {' and '.join(differs)}.",
-        do="Propose a map for it anew: --propose.",
+        do="Propose a new map for it: --propose.",
         file=layout.sheet.shown,
         line=layout.header_line,
     )

@@ -109,7 +109,7 @@ def _by_name(
         raise DataError(
             f"names {len(twice)} poses twice with other joints ({', '.join(twice[:_SHOWN])}): it is not "
             f"clear which point belongs to which.",
-            do="Give every row a name of its own in both files, or match by time.",
+            do="Give every row a unique name in both files, or match by time.",
             file=layouts[0].sheet.shown,
         )
     alone = [i for i, (pose, _) in enumerate(found) if pose not in where]
@@ -181,7 +181,7 @@ def _by_time(
     if made.within_s <= 0.0:
         raise DataError(
             "is missing.",
-            do="Say how far apart times may be, within_s = 1.0.",
+            do="State how far apart times may be, as in within_s = 1.0.",
             file=map_path,
             key="match.within_s",
         )

@@ -170,8 +170,8 @@ class File:
         for i in np.flatnonzero(measured.any(axis=1) & ~measured.all(axis=1))[:1]:
             name = columns[int(np.flatnonzero(~measured[i])[0])].name
             raise DataError(
-                f"column '{name}' is empty beside other coordinates.",
-                do="Fill it, or empty x, y and z where nothing was measured.",
+                f"column '{name}' is empty, and other coordinates of the row are not.",
+                do="Fill it, or leave x, y and z all empty if nothing was measured.",
                 file=self.layout.sheet.shown,
                 line=self.layout.lines[i],
             )

@@ -70,7 +70,7 @@ def calibrate_command(
     accuracy: Annotated[
         float,
         typer.Option(
-            metavar="MM", min=0.001, max=100.0, help="Wanted RMS error in the zone, with 95 % confidence."
+            metavar="MM", min=0.001, max=100.0, help="RMS error to reach in the zone, with 95 % confidence."
         ),
     ] = 0.1,
     minutes: Annotated[
@@ -79,14 +79,14 @@ def calibrate_command(
             metavar="MIN",
             min=1.0,
             max=10_000.0,
-            help="Time at the cell, verification included; else no limit.",
+            help="Time at the cell, verification included. Default: no limit.",
         ),
     ] = None,
     zone: Annotated[
         str,
         typer.Option(
             metavar="AXIS=LOW:HIGH,...",
-            help="Box in the world in which the robot works, mm, e.g. x=300:550,y=-200:200; else the workspace.",
+            help="Box in the world in which the robot works, mm, e.g. x=300:550,y=-200:200. Default: the workspace.",
         ),
     ] = "",
     program: Annotated[
@@ -98,13 +98,13 @@ def calibrate_command(
     ] = VERIFICATION,
     record: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Folder for records and results; else CELL-calibration."),
+        typer.Option(metavar="DIR", help="Folder for records and results. Default: CELL-calibration."),
     ] = None,
     simulate: Annotated[
         bool, typer.Option("--simulate", help="Start the cell's simulators and calibrate them instead.")
     ] = False,
     plan_only: Annotated[
-        bool, typer.Option("--plan-only", help="Say how many poses and minutes are expected, and end.")
+        bool, typer.Option("--plan-only", help="Print the expected number of poses and minutes, and end.")
     ] = False,
     dcc_about: DccAbout = None,
     json: options.Json = None,
@@ -139,7 +139,7 @@ def calibrate_command(
         going_on = _check_folder(folder, the_cell, campaign, simulate=simulate)
         if not simulate and not sys.stdin.isatty():
             raise ConfigError(
-                "a calibration moves the robot, and nobody is at this terminal to confirm it",
+                "a calibration moves the robot, and there is no person at this terminal to confirm it",
                 what_to_do="Start it at a terminal, or over HTTP with a lease: POST /api/v1/loops.",
             )
         if simulate:
@@ -294,7 +294,7 @@ def _check_folder(folder: Path, cell: Cell, campaign: Campaign, *, simulate: boo
         if (folder / loop_results.RESULT).is_file() and (folder / CERTIFICATE).is_file():
             raise RecordError(
                 f"{folder}: holds a finished calibration",
-                what_to_do="Give a new folder with --record to calibrate once more.",
+                what_to_do="Give a new folder with --record to calibrate again.",
             )
         other = [name for name, now in (("cell", cell), ("campaign", campaign)) if row[name] != now.source]
         if other or bool(row["simulated"]) != simulate:

@@ -104,7 +104,7 @@ AcceptOther = Annotated[
         "--accept-device",
         "--accept-other",
         metavar="SERIAL",
-        help="Go on with this other robot or instrument, by its serial number (its model, where it reports none).",
+        help="Continue with this other robot or instrument: its serial number, or its model if it reports none.",
     ),
 ]
 
@@ -212,7 +212,7 @@ def events_command(
     record: Record,
     out: Annotated[
         Path | None,
-        typer.Argument(metavar="OUT.jsonl", help="Written whole or not at all; else standard output."),
+        typer.Argument(metavar="OUT.jsonl", help="Written whole or not at all. Default: standard output."),
     ] = None,
 ) -> None:
     """Write the events, one JSON object per line. Oldest first; also while another program runs it."""
@@ -230,7 +230,7 @@ def events_command(
 def export_command(
     record: Record,
     out: Annotated[
-        Path, typer.Argument(metavar="OUT.csv", help="The data set; OUT.toml is written beside it.")
+        Path, typer.Argument(metavar="OUT.csv", help="The data set; OUT.toml is written to the same folder.")
     ],
     later: Annotated[
         list[Path] | None,
@@ -346,11 +346,11 @@ def _refuse_begun(record: Path, cell: Cell, campaign: Campaign) -> None:
         raise RecordError(
             f"{record}: was begun with another {' and another '.join(edited)} than the file says now",
             what_to_do="Give a new folder to measure what the files say; "
-            f"the campaign as it was begun goes on with: {go_on}",
+            f"to continue the campaign as it was begun: {go_on}",
         )
     raise RecordError(
         f"{record}: holds this campaign already",
-        what_to_do=f"Go on with it: {go_on}; or give a new folder to measure it once more.",
+        what_to_do=f"Continue it: {go_on}; or give a new folder to measure it again.",
     )
 
 

@@ -35,11 +35,11 @@ def doctor_command(
         bool, typer.Option("--simulate", help="Start the cell's simulators and examine them instead.")
     ] = False,
     record: Annotated[
-        Path, typer.Option("--record", metavar="DIR", help="Where records are to be made: is there room?")
+        Path, typer.Option("--record", metavar="DIR", help="Folder of records, whose free space is checked.")
     ] = Path(),
     json: options.Json = None,
 ) -> None:
-    """Examine every device of a cell and say what to do. Nothing is armed, moved or set."""
+    """Examine every device of a cell and list what to do. Nothing is armed, moved or set."""
     options.check_outputs({"--json": json}, inputs=(cell,))
     the_cell = read_cell(cell)
     with ExitStack() as stack:

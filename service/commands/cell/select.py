@@ -33,7 +33,7 @@ def select(
         int, typer.Option("--candidates", "--from", min=1, max=50_000, help="Candidates, drawn at random.")
     ] = 5000,
     groups: Annotated[
-        str, typer.Option(metavar="NAMES", help="What the model will free, with commas between.")
+        str, typer.Option(metavar="NAMES", help="Parameter groups of the model, separated by commas.")
     ] = ",".join(DEFAULT_GROUPS),
     targets: Annotated[
         str | None,

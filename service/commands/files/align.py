@@ -34,7 +34,7 @@ def align_command(
         typer.Argument(metavar="TRACKER.csv", help="t_s, x_mm, y_mm, z_mm; status where a point was lost."),
     ],
     out: Annotated[
-        Path, typer.Argument(metavar="OUT.csv", help="The data set; OUT.toml is written beside it.")
+        Path, typer.Argument(metavar="OUT.csv", help="The data set; OUT.toml is written to the same folder.")
     ],
     robot: Annotated[str, typer.Option(metavar="NAME|FILE.toml", help="The robot.")],
     tool: Annotated[
@@ -45,7 +45,7 @@ def align_command(
         bool, typer.Option("--tool-known", help="That point is exact; do not fit it.")
     ] = False,
     slower_than: Annotated[
-        float, typer.Option(metavar="MM/S", help="Samples slower than this are standstills.")
+        float, typer.Option(metavar="MM/S", help="Samples slower than this are at rest.")
     ] = SLOW_MM_S,
     robot_columns: Annotated[
         str | None,
@@ -73,7 +73,10 @@ def align_command(
         ),
     ] = None,
     every_sample: Annotated[
-        bool, typer.Option("--every-sample", help="A row for each slow sample, not one a standstill.")
+        bool,
+        typer.Option(
+            "--every-sample", help="A row for each sample at rest, not one per stationary interval."
+        ),
     ] = False,
     holdout: Annotated[
         float,

@@ -40,7 +40,9 @@ def convert(
     ],
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", metavar="OUT.csv", help="The data set; OUT.toml is written beside it."),
+        typer.Option(
+            "--out", "-o", metavar="OUT.csv", help="The data set; OUT.toml is written to the same folder."
+        ),
     ] = None,
     source: Annotated[
         str | None,

@@ -47,8 +47,8 @@ def export_command(
         Path | None,
         typer.Option(
             metavar="DATA.csv",
-            help="What the format cannot hold is taken over as far as can be in the postures of these readings. "
-            "Default: in random ones within the measured ranges.",
+            help="Readings in whose postures the export approximates the model. "
+            "Default: random postures within the measured ranges.",
         ),
     ] = None,
     named_only: options.NamedOnly = False,
@@ -64,7 +64,9 @@ def export_command(
         if list_all and given is not None:
             raise DataError("is not used by --list.", do="Leave one of the two out.", key=key)
         if not list_all and given is None:
-            raise DataError("is missing.", do=f"{do}; --list shows what every format leaves.", key=key)
+            raise DataError(
+                "is missing.", do=f"{do}; --list shows the error that each format leaves.", key=key
+            )
     options.check_outputs({"OUT": out, "--json": json}, inputs=(model, *options.files_of(data)))
     if kind is not None:
         refuse_unknown(kind)

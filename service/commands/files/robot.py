@@ -103,7 +103,7 @@ def new_command(
     source: Annotated[str | None, typer.Option(help="Where the numbers come from.")] = None,
     mass: MassOption = None,
 ) -> None:
-    """Write a robot file; questions are asked for missing options."""
+    """Write a robot file. Missing options are requested at the terminal."""
     _refuse_existing(out)
     convention_name = None if convention is None else convention.value
     asked = RobotFileAnswers(name, maker, convention_name, joints, link or [], source, mass)
@@ -138,7 +138,7 @@ def import_command(
         typer.Option(help="CSV: unit of the limits of joints that turn, where the numbers contradict it."),
     ] = None,
     name: Annotated[
-        str | None, typer.Option(help="Name of the robot. Default: what the file calls it.")
+        str | None, typer.Option(help="Name of the robot. Default: the name in the file.")
     ] = None,
     maker: Annotated[str, typer.Option(help="Its maker.")] = "unknown",
     mass: MassOption = None,
@@ -193,7 +193,10 @@ def check_command(
     ] = None,
     posture: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="Draw it in 'zero', 'middle' or 'home'. Default: home, else zero."),
+        typer.Option(
+            metavar="NAME",
+            help="Draw it in 'zero', 'middle' or 'home'. Default: home, or zero if there is none.",
+        ),
     ] = None,
     json: options.Json = None,
 ) -> None:

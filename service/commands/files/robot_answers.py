@@ -50,7 +50,7 @@ def ask_draft(asked: RobotFileAnswers) -> Draft:
     links = [link_of(text) for text in asked.links]
     if asked.joints is not None and len(links) > asked.joints:
         raise DataError(
-            f"is given {len(links)} times for {asked.joints} joints.", do="Give one a joint.", key="--link"
+            f"is given {len(links)} times for {asked.joints} joints.", do="Give one per joint.", key="--link"
         )
     name = asked.name or _ask("Name of the robot (my-arm)", _text)
     maker = asked.maker or _ask("Its maker", _text)
@@ -123,7 +123,7 @@ def _ask(question: str, answer: Callable[[str], T]) -> T:
             if sys.stdin.isatty():
                 raise
             raise DataError(
-                f"Nobody answers '{question}': the input has ended.",
+                f"There is no answer to '{question}': the input has ended.",
                 do="Give --name, --maker, --convention, --source and one --link per joint, or run it at a terminal.",
             ) from ended
         except DataError as error:

@@ -31,26 +31,27 @@ def diagnose_command(
         list[Path] | None,
         typer.Argument(
             metavar="[DATA...]",
-            help="Data sets, and folders of them; their headers lie beside them. Without any: those of the store.",
+            help="Data sets, or folders of data sets, with their headers. Default: the data sets of the store.",
         ),
     ] = None,
     store: PlantStore = "",
     scheduler: Annotated[
         str,
         typer.Option(
-            metavar="ADDRESS", help="tls://HOST:PORT of a Dask scheduler; else processes of this computer."
+            metavar="ADDRESS",
+            help="tls://HOST:PORT of a Dask scheduler. Default: processes of this computer.",
         ),
     ] = "",
     workers: Annotated[
         int | None,
-        typer.Option(min=1, max=1024, help="Processes of this computer; default: one a processor."),
+        typer.Option(min=1, max=1024, help="Processes of this computer. Default: one per processor."),
     ] = None,
     most: Annotated[
         int, typer.Option("--max-effects", "--most", min=0, help="Largest number of effects to add.")
     ] = MOST_EFFECTS,
     changed_since: Annotated[
         str,
-        typer.Option(metavar="VERSION", help="Show what another version of TruePose said of them."),
+        typer.Option(metavar="VERSION", help="Show the results of another version of TruePose."),
     ] = "",
     json: options.Json = None,
 ) -> None:
@@ -65,7 +66,9 @@ def diagnose_command(
         )
     if scheduler and workers is not None:
         raise DataError(
-            "goes without --scheduler, which has workers of its own.", do="Leave one out.", key="--workers"
+            "cannot be combined with --scheduler, which has its own workers.",
+            do="Leave one out.",
+            key="--workers",
         )
     asked = FleetDiagnosisRequest(given, store, workers, scheduler, most, changed_since)
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:

@@ -42,9 +42,7 @@ def send_command(
     serial: options.Serial = "",
     simulated: Annotated[
         bool,
-        typer.Option(
-            "--simulated", help="Send documents of simulated robots, too; use a store of their own."
-        ),
+        typer.Option("--simulated", help="Send documents of simulated robots too; use a separate store."),
     ] = False,
     every: Annotated[
         float | None,

@@ -13,11 +13,11 @@ from fleet.store import utc_now
 from service.plant.own_tokens import May, allow, issue, read_tokens, revoke, robots_of
 from service.private import owner_only
 
-app = typer.Typer(help="Give each cell a token of its own, and take it away.")
+app = typer.Typer(help="Create and withdraw the access tokens of cells.")
 File = Annotated[
     Path, typer.Option("--file", metavar="FILE", help="The file that 'fleet serve --cell-tokens' was given.")
 ]
-Name = Annotated[str, typer.Argument(metavar="NAME", help="The cell, as the store shall name it.")]
+Name = Annotated[str, typer.Argument(metavar="NAME", help="The name of the cell in the store.")]
 Robots = Annotated[
     list[str] | None,
     typer.Option(

@@ -33,7 +33,7 @@ def identify_command(
         Path | None,
         typer.Option(
             metavar="STAGE1.json",
-            help="The model of stage 1 of a ballbar campaign: the report sets it beside nominal and final.",
+            help="The model of stage 1 of a ballbar campaign: the report compares it with nominal and final.",
         ),
     ] = None,
     prior: options.PriorFile = None,
@@ -44,7 +44,7 @@ def identify_command(
     dcc: Dcc = None,
     dcc_about: DccAbout = None,
 ) -> None:
-    """Identify the robot's parameters, nothing else."""
+    """Identify the robot's parameters without a diagnosis."""
     options.check_outputs(
         {"--json": json, "--model": model, "--report": report, "--dcc": dcc},
         inputs=(*options.files_of(data), dcc_about, accept_zones, prior),

@@ -42,7 +42,7 @@ def regress_command(
     ] = False,
     diagnosed: Annotated[
         bool,
-        typer.Option("--diagnose", help="The diagnosis on top, and a regression on what it leaves; slow."),
+        typer.Option("--diagnose", help="Diagnose too, and fit a regression to the remaining errors; slow."),
     ] = False,
     model: options.Model = None,
     json: options.Json = None,

@@ -33,7 +33,7 @@ def validate_command(
     ] = None,
     compare: Annotated[
         Path | None,
-        typer.Option(metavar="N.json", help="Another calibration of the same robot, set beside --model."),
+        typer.Option(metavar="N.json", help="Another calibration of the same robot, compared with --model."),
     ] = None,
     place: Annotated[
         bool,

@@ -58,7 +58,7 @@ def _of_a_cell(role: Role, method: str, path: str) -> Problem | None:
         return None
     return Problem(
         403,
-        "The token of a viewer lets one read everything, pause and stop, and nothing else.",
+        "The token of a viewer permits only reading, pausing and stopping.",
         "Send the operator's token: the first line of the token file, whose place 'truepose serve' printed.",
         code=8113,
     )

@@ -97,8 +97,8 @@ class MotionLease:
             if held is None:
                 raise Problem(
                     409,
-                    "The lease of this Lease-Id has ended, and nobody holds the motion lease now.",
-                    f"Take it anew with POST {LEASE} without Lease-Id, and resume what was paused.",
+                    "The lease of this Lease-Id has ended, and no client holds the motion lease now.",
+                    f"Take it again with POST {LEASE} without Lease-Id, and resume what was paused.",
                     code=8112,
                 )
             _prove(held, lease_id)
@@ -153,7 +153,7 @@ class MotionLease:
             if held is None:
                 raise Problem(
                     409,
-                    "Nobody holds the motion lease, so nothing may move.",
+                    "No client holds the motion lease, so nothing may move.",
                     f"Take it with POST {LEASE}, send its lease_id as Lease-Id, and prolong it in time.",
                     code=8101,
                 )
@@ -188,7 +188,7 @@ def _other(held: HeldLease, more: str = "") -> Problem:
     return Problem(
         409,
         f"The motion lease is held by {held.holder}{held.origin}{more}.",
-        f"Whoever holds it sends its lease_id as Lease-Id. Others ask {held.holder} to give it back, wait until it "
+        f"The holder sends its lease_id as Lease-Id. Others ask {held.holder} to give it back, wait until it "
         f"expires, or take it over with a reason (POST {LEASE}/takeover).",
         code=8102,
         holder=held.holder,

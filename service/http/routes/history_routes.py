@@ -26,7 +26,7 @@ RobotName = Annotated[
     str,
     Path(
         max_length=200,
-        description="The id of a robot, as the list has it; or its serial number, where one type alone has it.",
+        description="The id of a robot, as the list has it; or its serial number, if only one type has it.",
         examples=["3f9a1c07b2e48d15"],
     ),
 ]
@@ -36,7 +36,7 @@ Permitted = Annotated[
         ge=0.0,
         le=1000.0,
         allow_inf_nan=False,
-        description="Position error, RMS, that is permitted: dates go by it, mm; 0: what the service was started with.",
+        description="Permitted RMS position error, mm, on which the dates depend. 0: the value of the service.",
         examples=[0.2],
     ),
 ]
@@ -170,7 +170,7 @@ def add_document(
     file: Annotated[
         UploadFile,
         File(
-            description="A model, the verdict of a watch, a diagnosis, an upkeep: JSON; or the readings of a data set."
+            description="A model, watch verdict, diagnosis or thermal update as JSON, or the readings of a data set."
         ),
     ],
     toml: Annotated[

@@ -20,8 +20,8 @@ LeaseId = Annotated[
     Header(
         alias="Lease-Id",
         max_length=200,
-        description="`lease_id` of the motion lease: the secret that the answer which granted it held, once. Whatever "
-        "moves the robot needs it, and so does prolonging the lease and giving it back.",
+        description="`lease_id` of the motion lease: the secret that the answer which granted it held, once. "
+        "Requests that move the robot need it, and so do those that prolong or give back the lease.",
         examples=["mB0p2kq8J9yqk0Yd0F3J8V5cQv2m0f1x"],
     ),
 ]

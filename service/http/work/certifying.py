@@ -30,7 +30,7 @@ def certificate_of(folder: Path, about: dict[str, str]) -> str:
     data = Path(job["data"])
     if not data.is_file():
         raise DataError(
-            "is not there any more.", do="Its readings were deleted; ask for the job anew.", key="data"
+            "is not there any more.", do="Its readings were deleted; start the job again.", key="data"
         )
     model: dict[str, Any] = read_json(folder / MODEL) if (folder / MODEL).is_file() else {"parameters": []}
     certified = CertificateContent(

@@ -122,7 +122,7 @@ class IdempotencyKeys:
             raise Problem(
                 409,
                 "This request was begun and its outcome is not known.",
-                "Look at what there is (GET), then ask again with a new key if it is still wanted.",
+                "Look at what there is (GET), then send it again with a new key if it is still needed.",
                 code=8107,
             )
         reply = entry.reply

@@ -112,7 +112,7 @@ def test_what_has_changed_since_a_version_is_told(
     [
         ([], "holds no data set"),
         (["nowhere.csv"], "there is no such file"),
-        (["--workers", "2", "--scheduler", "tcp://127.0.0.1:1"], "goes without --scheduler"),
+        (["--workers", "2", "--scheduler", "tcp://127.0.0.1:1"], "cannot be combined with --scheduler"),
         (["--scheduler", "tls://10.0.0.5:8786"], "workers elsewhere cannot write to"),
     ],
 )

@@ -53,7 +53,7 @@ async def answer_prompt(
     run_id: RunId,
     prompt_id: PromptId,
     verb: Annotated[
-        Verb, Path(description="The answer, one of what the prompt expects.", examples=["confirm"])
+        Verb, Path(description="The answer, one of those that the prompt lists.", examples=["confirm"])
     ],
     body: AnswerBody,
     idempotency_key: IdempotencyKey = "",

@@ -62,7 +62,11 @@ def create_alignment(
     slower_than_mm_s: Annotated[
         float,
         Form(
-            gt=0.0, le=1e5, allow_inf_nan=False, description="Slower is a standstill, mm/s.", examples=[1.0]
+            gt=0.0,
+            le=1e5,
+            allow_inf_nan=False,
+            description="Samples slower than this are at rest, mm/s.",
+            examples=[1.0],
         ),
     ] = SLOW_MM_S,
     coupling: Annotated[str, _text("How the controller counts coupled joints.", "none")] = "none",
@@ -84,7 +88,10 @@ def create_alignment(
         str, _text(_COLUMNS.format("Columns of TRACKER.csv", "tracker"), "t_s=time", 2000)
     ] = "",
     every_sample: Annotated[
-        bool, Form(description="A row for every sample at rest, not one a standstill.", examples=[False])
+        bool,
+        Form(
+            description="A row for every sample at rest, not one per stationary interval.", examples=[False]
+        ),
     ] = False,
     holdout: Annotated[
         float,

@@ -50,7 +50,7 @@ def correct_program(
         UploadFile,
         File(
             description="RAPID .mod, Fanuc .ls, URScript .script, KUKA .src or .dat, Yaskawa .jbi, VAL3 .dtx or "
-            "targets .csv; its name says which."
+            "targets .csv; the ending of its name tells the format."
         ),
     ],
     conditions: Conditions = "",
@@ -148,7 +148,7 @@ def list_exports(
 def export_model(
     here: Here,
     job_id: JobId,
-    kind: Annotated[ExportKind, Path(description="As what the model is written.", examples=["urdf"])],
+    kind: Annotated[ExportKind, Path(description="Format of the exported model.", examples=["urdf"])],
     conditions: ExportConditions = "",
     robot_hash: Annotated[
         str,
