@@ -31,7 +31,7 @@ COMMANDS = {
     "export": ("files.export.export_command", "Write a model in another program's format."),
     "validate": ("models.validate.validate_command", "Judge a saved model, or compare kinds of hold-out."),
     "watch": ("watch.app", "Check with a few poses whether a robot has changed."),
-    "doctor": ("cell.doctor.doctor_command", "Examine every device of a cell and say what to do."),
+    "doctor": ("cell.doctor.doctor_command", "Examine every device of a cell and list what to do."),
     "cell": ("cell.cell_file.app", "Describe the cell file."),
     "campaign": ("cell.campaign.app", "Measure with a robot and an instrument."),
     "mock": ("mock.mock", "Simulate devices until SIGTERM or SIGINT."),

@@ -327,7 +327,7 @@ def test_a_robot_that_was_pushed_while_the_bar_was_put_on_approaches_anew(bars: 
     bar.operator = Pushing(bar.bench)
     assert bar.execute() == "succeeded"
     (prompt,) = [text for text in bar.operator.asked if "was turned by 0.050 deg" in text]
-    assert "approaches the pose anew" in prompt
+    assert "approaches the pose again" in prompt
     assert bar.run.status().done == 12
     rows = bar.run._store.database.query(
         "SELECT count(*) FROM attempt WHERE kind = 'arrive' AND status = 'good'"

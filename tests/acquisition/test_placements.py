@@ -202,7 +202,7 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
         (["--base", "B1,B2"], "Name three or four of B1, B2, B3"),
         (["--together", "2"], "'--group-size': needs a zone"),
         (["--x", "0", "1", "1e-9"], "'--x': asks for more than 20000 placements"),
-        (["--zone", "9000", "0", "0", "50"], "name a zone that the arm reaches"),
+        (["--zone", "9000", "0", "0", "50"], "random postures brings"),
     ],
 )
 def test_what_is_refused(options: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
