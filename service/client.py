@@ -320,6 +320,10 @@ class Client:
         """Pause a run after the current reading."""
         return ClientRun.of(self.ask("POST", f"/runs/{quote(run_id)}/pause"))
 
+    def finish(self, run_id: str, *, reason: str = "") -> ClientRun:
+        """End a run early, as succeeded, after the current reading."""
+        return ClientRun.of(self.once(f"/runs/{quote(run_id)}/finish", {"reason": reason}))
+
     def resume(self, run_id: str) -> ClientRun:
         """Resume a run. The robot moves, so the lease must be held."""
         return ClientRun.of(self.once(f"/runs/{quote(run_id)}/resume", {}))

@@ -315,8 +315,7 @@ def measure(
         if like is not None and not age_s:
             run.expect(list(individuals_of(like.record).values()))
         began_s = equipment.clock.now() - age_s
-        finished = run.status().state == State.SUCCEEDED.value
-        outcome = ExecutionOutcome(State.SUCCEEDED, "") if finished else _executed(equipment, run)
+        outcome = _executed(equipment, run)
         while outcome.state is State.PAUSED and equipment.resumed(run, outcome):
             outcome = _executed(equipment, run)
         measured = MeasuredCampaign(run.folder, began_s)
@@ -326,6 +325,9 @@ def measure(
 
 
 def _executed(equipment: Equipment, run: Run) -> ExecutionOutcome:
+    """Execute a run, unless an earlier program has, or somebody has finished it while it rested."""
+    if run.status().state == State.SUCCEEDED.value:
+        return ExecutionOutcome(State.SUCCEEDED, "")
     with equipment.guard(run):
         return run.execute(
             equipment.devices,

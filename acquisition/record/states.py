@@ -47,9 +47,9 @@ TRANSITIONS: Mapping[State, frozenset[State]] = {
     _S.DRAFT: frozenset({_S.READY, _S.STOPPED}),
     _S.READY: frozenset({_S.RUNNING, _S.STOPPED}),
     _S.RUNNING: frozenset({_S.WAITING, _S.PAUSED, _S.SUCCEEDED, _S.FAILED, _S.STOPPED}),
-    _S.WAITING: frozenset({_S.RUNNING, _S.PAUSED, _S.STOPPED}),
-    _S.PAUSED: frozenset({_S.RUNNING, _S.STOPPED}),
-    _S.STOPPED: frozenset({_S.RUNNING}),
+    _S.WAITING: frozenset({_S.RUNNING, _S.PAUSED, _S.SUCCEEDED, _S.STOPPED}),
+    _S.PAUSED: frozenset({_S.RUNNING, _S.SUCCEEDED, _S.STOPPED}),
+    _S.STOPPED: frozenset({_S.RUNNING, _S.SUCCEEDED}),
     _S.SUCCEEDED: frozenset(),
     _S.FAILED: frozenset(),
 }

@@ -5,7 +5,7 @@ Start with `Run`.
 
 from acquisition.campaign.plan import Forecast
 from acquisition.run.clock import Clock, ScaledClock
-from acquisition.run.duration import Begin, forecast_of
+from acquisition.run.duration import Begin, at_once, forecast_of
 from acquisition.run.interrupt import pausing_on_interrupt
 from acquisition.run.orders.control import ON_REQUEST
 from acquisition.run.orders.lease import LeaseDeadline
@@ -24,6 +24,7 @@ __all__ = [
     "Run",
     "RunStatus",
     "ScaledClock",
+    "at_once",
     "checked_plan",
     "forecast_of",
     "pausing_on_interrupt",

@@ -32,13 +32,20 @@ class ExecutionOutcome:
         return {State.SUCCEEDED: 0, State.PAUSED: 130, State.STOPPED: 130}.get(self.state, 1)
 
 
-def verdict_of(store: RecordStore) -> tuple[State, str]:
-    """Return the final state of a campaign without open readings, and the reason to show."""
+def verdict_of(store: RecordStore, ended_by: str = "") -> tuple[State, str]:
+    """Return the final state of a campaign, and the reason to show.
+
+    It has no open readings, or was ended early by a person.
+    """
     counts = store.counts()
     if not counts.get("measured"):
         return State.FAILED, "Not one pose could be measured."
     remarks = []
     measured = counts["measured"]
+    if ended_by:
+        remarks.append(
+            f"Finished early by {ended_by}: {measured} of {sum(counts.values())} readings were measured."
+        )
     if (skipped := counts.get("skipped", 0)) > measured:
         remarks.append(f"Most is missing: {measured} of {measured + skipped} readings were measured.")
     elif skipped:

@@ -28,6 +28,7 @@ from acquisition.record.states import State
 from acquisition.record.store import Event, EventTime, RecordStore
 from acquisition.run.clock import Clock, ScaledClock
 from acquisition.run.duration import Begin, at_once, forecast_of
+from acquisition.run.early_end import NOT_AT_REST, end_early, note_order, open_order
 from acquisition.run.orders.control import ON_REQUEST, Control, Pausing, Stopping
 from acquisition.run.orders.lease import LeaseDeadline
 from acquisition.run.orders.robot_lock import Mover
@@ -122,6 +123,8 @@ class Run:
     def open(cls, record_dir: Path) -> Run:
         """Open an existing record; a run that was active when its program ended is now paused.
 
+        If it was to be finished, it has succeeded.
+
         Raises
         ------
         RecordError, RecordInUse
@@ -131,7 +134,11 @@ class Run:
         """
         store = RecordStore.open(record_dir)
         try:
-            store.recover()
+            with store.changing():
+                order = open_order(store) if store.state.active else None
+                store.recover()
+                if order is not None:
+                    end_early(store, order)
             row = store.campaign
             where = str(store.database.path)
             return cls(store, cell_of_record(row["cell"], where), campaign_of_record(row["campaign"], where))
@@ -219,12 +226,12 @@ class Run:
                 begin,
             )
             ending, error = State.PAUSED, None
-            reason = "The program was interrupted."
+            reason, at_rest = "The program was interrupted.", False
             try:
                 sequencer.run()
                 ending, reason = verdict_of(self._store)
             except Pausing as pausing:
-                reason = str(pausing)
+                reason, at_rest = str(pausing), not execution.rig.adrift
                 if execution.rig.adrift:  # no one supervises a move that is still being made
                     execution.rig.halt()
             except Stopping:
@@ -239,8 +246,8 @@ class Run:
                 execution.rig.release()
                 if ending is State.STOPPED or execution.rig.adrift:
                     reason = add_unreached_devices(reason, execution.rig.unheard)
-                error = self._end(ending, reason) or error
-        return ExecutionOutcome(State.PAUSED if self._trouble else ending, self._trouble or reason, error)
+                ended = self._end(ending, reason, may_finish=at_rest)
+        return ExecutionOutcome(ended.state, ended.reason, ended.error or error)
 
     def _begin(self, devices: Devices, clock: Clock, begin: Begin) -> CampaignExecution:
         forecast = begin(
@@ -267,18 +274,23 @@ class Run:
             )
             return self._execution
 
-    def _end(self, ending: State, reason: str) -> StorageError | None:
+    def _end(self, ending: State, reason: str, *, may_finish: bool) -> ExecutionOutcome:
+        """Note the end of an execution; a pause may be the end of the run, if that was ordered."""
         with self._mutex:
             execution, self._execution = self._execution, None
             self._accepted = self._mover = None
             try:
                 if execution is not None:
                     execution.noting.finish()
-                self._store.become(ending, reason)
+                order = open_order(self._store) if may_finish else None
+                if order is not None and verdict_of(self._store)[0] is State.SUCCEEDED:
+                    ending, reason = State.SUCCEEDED, end_early(self._store, order)
+                else:
+                    self._store.become(ending, reason)
             except StorageError as error:
                 self._trouble = error.sentence
-                return error
-        return None
+                return ExecutionOutcome(State.PAUSED, self._trouble, error)
+        return ExecutionOutcome(ending, reason)
 
     def _check_disk(self) -> None:
         try:
@@ -354,6 +366,28 @@ class Run:
                 execution = self._execution
             if execution is not None:
                 execution.control.rest(reason) if at_once else execution.control.pause(reason)
+
+    def finish(self, by: str = "", reason: str = "", key: str | None = None) -> None:
+        """End as succeeded with the readings up to now: after the current reading, or at once where nothing runs.
+
+        A run that was ended early stays as it is; a second call with the same idempotency key `key` does nothing.
+
+        Raises
+        ------
+        NotResumed
+            The run has ended otherwise, or has no reading that could be fitted.
+        StorageError
+            The record cannot be written; the run goes on.
+        """
+        order = note_order(self._store, by or "somebody", reason, key)
+        if order is None:
+            return
+        with self._mutex:
+            if self._execution is not None:
+                self._execution.control.pause(NOT_AT_REST)
+            elif not self._store.state.final:
+                end_early(self._store, order)
+                self._resumed, self._trouble = False, None
 
     def restation(self, by: str = "", reason: str = "", key: str | None = None) -> None:
         """Report that the instrument is moved: its nests are measured again.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import Future
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +14,10 @@ from acquisition.record.readings import accuracy_of, drift_of
 from acquisition.record.states import LEFT_BEHIND, State
 from acquisition.record.store import RecordStore
 from acquisition.run.clock import Clock
+from acquisition.run.early_end import as_ended, early_end, open_order
 from acquisition.run.orders.control import Control
 from acquisition.run.orders.stop_orders import StopOrders
+from acquisition.run.outcome import verdict_of
 from acquisition.run.prompts.prompt_queue import PromptQueue
 from acquisition.run.rig.rig import DevicePair
 
@@ -35,6 +37,8 @@ class RunStatus:
     path
         The last waypoint that a path reached, their number, and the samples and lost samples of both streams so far;
         None without a path.
+    finished_early
+        Who ended it early, when, why, and how many readings it has (`run.early_end`); None if it was not.
     accuracy
         What the last look of an adaptive block found (`run.adaptive`), and the `history` of all looks.
     """
@@ -55,6 +59,7 @@ class RunStatus:
     simulated: bool = False
     path: dict[str, Any] | None = None
     accuracy: dict[str, Any] | None = None
+    finished_early: dict[str, Any] | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """Return the values for JSON."""
@@ -116,13 +121,14 @@ def status_of(store: RecordStore, pace: Pace | None = None, trouble: str | None 
         simulated=bool(row["simulated"]),
         path=path,
         accuracy=accuracy,
+        finished_early=early_end(store) if state is State.SUCCEEDED else None,
     )
 
 
 def read_status(record_dir: Path) -> RunStatus:
     """Return the status of a record that another program may be running.
 
-    A run that a killed program left behind is paused.
+    A run that a killed program left behind is paused, or has succeeded if it was to be finished.
 
     Raises
     ------
@@ -136,7 +142,11 @@ def read_status(record_dir: Path) -> RunStatus:
         seen = status_of(store)
         # The state is read again, because the owner may just have ended.
         if State(seen.state).active and not is_owned(record_dir) and store.state.active:
-            return status_of(store, trouble=LEFT_BEHIND)
+            seen = status_of(store, trouble=LEFT_BEHIND)
+            if (order := open_order(store)) is not None:
+                done, (_, why) = State.SUCCEEDED, verdict_of(store, ended_by=order["by"])
+                ended = as_ended(store, order)
+                seen = replace(seen, state=done.value, state_code=done.code, reason=why, finished_early=ended)
         return seen
     finally:
         store.close()

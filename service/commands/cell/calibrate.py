@@ -9,16 +9,11 @@ before the first motion, and again before corrected targets are driven.
 from __future__ import annotations
 
 import math
-import os
-import signal
 import sys
-import threading
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor
-from contextlib import ExitStack, contextmanager
-from multiprocessing import get_context, parent_process
+from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import Annotated
 
 import numpy as np
 import typer
@@ -39,11 +34,11 @@ from acquisition.errors import RecordError
 from acquisition.examination import examine, note_low_priority
 from acquisition.loop import VERIFICATION, Equipment, LoopEnded, calibration_campaign, close_loop
 from acquisition.record import RecordStore, is_begun
-from acquisition.run import Begin
 from calib.errors import DataError
 from drivers.errors import ConfigError
 from service import exit_codes
 from service.commands import options
+from service.commands.cell.beside import beside
 from service.commands.cell.doctor import quiet_drivers, table_of
 from service.commands.models.certificate import CertificateRequest, DccAbout, read_parties
 from service.files import STANDARD_OUTPUT, write_json
@@ -61,7 +56,6 @@ from service.wording import counted
 CERTIFICATE = "certificate.xml"
 _AXES = ("x", "y", "z")
 _INTERRUPTED = ExecutionOutcome(State.PAUSED, "Interrupted; nothing moves.")
-_T = TypeVar("_T")
 
 
 @owner_only()
@@ -318,33 +312,6 @@ def created_or_continued(record: Path, cell: Cell, campaign: Campaign, simulated
     if run.status().state in ("paused", "stopped"):
         run.resume(by="terminal")
     return run
-
-
-def _begun_beside() -> None:
-    """Leave Ctrl-C to the program that began this process, and end with it, also when it is killed."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = parent_process()
-    assert parent is not None
-
-    def follow() -> None:
-        parent.join()
-        os._exit(0)
-
-    threading.Thread(target=follow, daemon=True).start()
-
-
-@contextmanager
-def beside() -> Iterator[Begin]:
-    """Yield a function that begins computations in another process, which starts with the first."""
-    workers = ProcessPoolExecutor(1, get_context("spawn"), _begun_beside)
-
-    def begin(function: Callable[[Path], _T], record_dir: Path, /) -> Future[_T]:
-        return workers.submit(function, record_dir)
-
-    try:
-        yield begin
-    finally:
-        workers.shutdown(cancel_futures=True)
 
 
 def terminal_confirmation(terminal: Terminal) -> Callable[[str], bool]:

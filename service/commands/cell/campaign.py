@@ -33,11 +33,13 @@ from acquisition.examination import note_low_priority
 from acquisition.file_table import FileSchema
 from acquisition.record import FILE as RECORD_FILE
 from acquisition.record import DeviceAcceptance, RecordStore, export_streams, export_together, rescue
+from acquisition.run import at_once
 from calib.data import assumed_in_words, read_dataset
 from calib.errors import DataError
 from drivers.errors import AcquisitionError, ConfigError, NoOperator
 from service import exit_codes, wording
 from service.commands import options
+from service.commands.cell.beside import beside
 from service.files import STANDARD_OUTPUT, write_json
 from service.json_values import finite
 from service.printed.progress import RunProgress, terminal_operator
@@ -182,6 +184,32 @@ def restation_command(
         terminal.out.print(f"{status.name}: noted. The nests are measured before the next pose.")
         if status.state in ("paused", "stopped"):
             terminal.note(_how_to_go_on(record, simulate=status.simulated))
+    write_json(_document(record, status), json)
+
+
+@app.command("finish")
+def finish_command(
+    record: Record,
+    reason: Annotated[str, typer.Option(metavar="TEXT", help="Why; it is kept in the record.")] = "",
+    json: options.Json = None,
+) -> None:
+    """End a paused campaign as succeeded, with the readings that it has. It cannot be resumed then."""
+    options.check_outputs({"--json": json}, inputs=(record / RECORD_FILE,))
+    try:
+        run = Run.open(record)
+    except RecordInUse as error:
+        raise RecordInUse(
+            error.message,
+            what_to_do="Press Ctrl-C there, which pauses it, then finish it. A run of 'truepose serve' takes "
+            "POST /runs/{id}/finish instead.",
+        ) from error
+    with run:
+        run.finish(by="terminal", reason=reason)
+        status = run.status()
+    with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
+        terminal.rest()
+        terminal.out.print(in_words(status), soft_wrap=True)
+        terminal.note(f"Next: truepose campaign export {record} OUT.csv")
     write_json(_document(record, status), json)
 
 
@@ -400,7 +428,9 @@ def execute(
         stack.enter_context(
             pausing_on_interrupt(run, tell=lambda problem: terminal.note(f"truepose: NOT STOPPED: {problem}"))
         )
-        outcome = run.execute(devices, on_event=progress)
+        adaptive = any(block.kind == "adaptive" for block in run.campaign.blocks)
+        begin = stack.enter_context(beside()) if adaptive else at_once
+        outcome = run.execute(devices, on_event=progress, begin=begin)
         terminal.rest()
         status = run.status()
         terminal.out.print(in_words(status), soft_wrap=True)

@@ -47,6 +47,8 @@ from service.refusals import REFUSALS
 ABOUT = "loop.json"
 FAULT = "A fault of this program has ended the loop; its runs are kept."
 STOPPED = "Stopped on request."
+FITTED = ("campaign1", "campaign-follow-up")
+"""Ends of the names of the runs that a diagnosis fits; all others verify its correction."""
 
 
 class LoopWork:
@@ -70,6 +72,7 @@ class LoopWork:
         self._changed = threading.Condition()  # never held while a run is asked or ordered anything
         self._status = status
         self._run: Run | None = None
+        self._finished: Run | None = None  # while the loop rested in it
         self._pausing = ""  # why
         self._ending = ""
         self._accepted: DeviceAcceptance | None = None  # by the client that resumed it last
@@ -154,16 +157,21 @@ class LoopWork:
                 ExecutionOutcome(State.STOPPED if self._ending == STOPPED else State.PAUSED, self._ending)
             )
 
-    def _rest(self, reason: str, error: AcquisitionError | None = None) -> str | None:
+    def _rest(
+        self,
+        reason: str,
+        error: AcquisitionError | None = None,
+        over: Callable[[], bool] = lambda: False,
+    ) -> str | None:
         """Wait for an order to continue; return who gave it, or None if the loop must end.
 
-        `error` is the reason for the rest.
+        `error` is the reason for the rest; `over` returns whether there is no more reason.
         """
         problem = None if error is None else problems.of_error(error)
         with self._changed:
             self._pausing = self._pausing or reason
             self._update(state=State.PAUSED, reason=reason, problem=problem)
-            self._changed.wait_for(lambda: self._ending or not self._pausing)
+            self._changed.wait_for(lambda: self._ending or not self._pausing or over())
             if self._ending:
                 return None
             self._update(state=State.RUNNING, reason="", problem=None)
@@ -183,8 +191,8 @@ class LoopWork:
 
     def _resumed(self, run: Run, outcome: ExecutionOutcome) -> bool:
         self._book.not_begun()
-        by = self._rest(outcome.reason, outcome.error)
-        if by is not None:
+        by = self._rest(outcome.reason, outcome.error, lambda: self._finished is run)
+        if by is not None and self._finished is not run:
             run.resume(by=by, accepted=self._accepted)
         return by is not None
 
@@ -258,6 +266,35 @@ class LoopWork:
                     code=3104,
                 )
             self._lease, self._accepted, self._pausing = lease, accepted, ""
+            self._changed.notify_all()
+            self._changed.wait_for(self._goes_on, BEGIN_S)
+
+    def finish(self, run_id: str, lease: LeaseDeadline, by: str, reason: str) -> None:
+        """Finish the run in hand by leave of the lease holder; the loop goes on with its diagnosis.
+
+        Raises
+        ------
+        Problem
+            409: the run verifies a correction.
+        NotResumed
+            The run has ended, or has no reading that could be fitted.
+        """
+        with self._changed:
+            run, current = self._run, self._status.run_id == run_id
+            rests = self._status.state is State.PAUSED
+        if not run_id.endswith(FITTED):
+            raise Problem(
+                409,
+                "This run verifies the correction: with a part of its poses it would prove nothing.",
+                "Let it end, or stop the loop; its diagnosis and its readings are kept.",
+                code=3104,
+            )
+        if run is None or not current or not rests:
+            self._book.finish(run_id, by, reason)
+            return
+        run.finish(by, reason)
+        with self._changed:
+            self._finished, self._lease, self._pausing = run, lease, ""
             self._changed.notify_all()
             self._changed.wait_for(self._goes_on, BEGIN_S)
 

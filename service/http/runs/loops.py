@@ -204,6 +204,18 @@ class LoopStore:
         """
         self._going_on(name).resume(lease, accepted)
 
+    def finish(self, run_id: str, lease: LeaseDeadline, by: str, reason: str) -> None:
+        """Finish a run of the loop that has the robot; the loop goes on with its diagnosis.
+
+        Raises
+        ------
+        Problem
+            409: the loop has ended, or its run is that of the verification.
+        NotResumed
+            The run has ended, or has no reading that could be fitted.
+        """
+        self._going_on(self._book.lent_to or "").finish(run_id, lease, by, reason)
+
     def stop(self, name: str, by: str) -> list[AcquisitionError]:
         """Stop a loop; return the errors of devices that could not be stopped.
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from acquisition import RunStatus
 from drivers.errors import AcquisitionError
-from service.json_values import finite
+from service.json_values import finite, utc_text
 
 FINAL = ("succeeded", "failed")
 """States of a run to which nothing can happen any more."""
@@ -20,4 +20,10 @@ def run_document(
     `run_id` is the id of the run in the service. `error` is the reason why it ended, or cannot be read.
     """
     shown = None if error is None else error.as_dict()
-    return finite(status.as_dict()) | {"id": run_id, "dry_run": dry_run, "error": shown}
+    early = status.finished_early
+    return finite(status.as_dict()) | {
+        "id": run_id,
+        "dry_run": dry_run,
+        "error": shown,
+        "finished_early": early and early | {"utc": utc_text(early["utc"])},
+    }

@@ -425,6 +425,20 @@ class RunManager:
         if (name := self.busy_with) is not None:
             self.pause(name, by, reason)
 
+    def finish(self, name: str, by: str, reason: str) -> None:
+        """End a run as succeeded: after the current reading, or at once where it rests.
+
+        Raises
+        ------
+        Problem, NotResumed, RecordInUse, StorageError
+            The run cannot be finished.
+        """
+        run, execution = self.get(name), self._execution
+        if execution is not None and execution.run_id == name:
+            execution.begun.wait(FINISH_S)  # as in `pause`
+        run.finish(by, reason)
+        self.at_rest()
+
     def stop(self, name: str, by: str) -> list[AcquisitionError]:
         """Halt the robot now and end the run; return the errors of devices that did not stop.
 

@@ -98,6 +98,30 @@ async def pause_run(here: Here, run_id: RunId) -> JSONResponse:
     return await here.order(run_id, work)
 
 
+@router.post("/runs/{run_id}/finish", operation_id="finishRun", status_code=202, response_model=RunResponse)
+async def finish_run(
+    here: Here, run_id: RunId, body: WhyBody, idempotency_key: IdempotencyKey = "", lease_id: LeaseId = ""
+) -> JSONResponse:
+    """End a run early, as succeeded, with the readings that it has.
+
+    The current reading is completed, then the robot rests; a run that rests or waits for an answer ends at once.
+    `finished_early` says who ended it and when, and with how many readings. It cannot be resumed. 409 where no pose
+    is measured yet, or where the run has ended otherwise. It needs no lease, unless a loop has the robot: that goes
+    on with the diagnosis, and may move then.
+    """
+
+    def work() -> JSONResponse:
+        by = who(here, lease_id)
+        if run_id in here.loops.runs_in_hand():
+            here.let_move(lease_id, lambda lease: here.loops.finish(run_id, lease, by, body.reason))
+        else:
+            here.book.finish(run_id, by, body.reason)
+        return accepted(here, run_id)
+
+    asked = (f"{RUNS}/{run_id}/finish", body)
+    return await here.order(run_id, lambda: here.keys.once(idempotency_key, asked, work))
+
+
 @router.post("/runs/{run_id}/resume", operation_id="resumeRun", status_code=202, response_model=RunResponse)
 def resume_run(
     here: Here, run_id: RunId, body: ResumeBody, idempotency_key: IdempotencyKey = "", lease_id: LeaseId = ""

@@ -34,7 +34,8 @@ Ended = Annotated[str, told("Why it paused, failed or waits; empty while it goes
 DryRun = Annotated[bool, told("Only checked; nothing has moved.", False)]
 EventKind = Literal[
     "accept_other", "accuracy", "answer", "arrived", "attempt_died", "attempt_failed", "batch", "battery_low",
-    "command", "connected", "created", "deferred", "detour", "device_needed", "device_told", "instrument_moved",
+    "command", "connected", "created", "deferred", "detour", "device_needed", "device_state", "device_told", "finish",
+    "finished_early", "instrument_moved",
     "link", "measure_again", "nest_doubted", "nests_checked", "nests_judged", "other_device_accepted", "planned",
     "prompt", "reading", "reconnect", "replanned", "rescued", "restation", "second_stage", "second_stage_refused",
     "skipped", "state", "taught", "warm", "warm_up", "warming_up", "waypoint", "world_frame", "zeroed",
@@ -129,6 +130,16 @@ class DeviceError(ResponseBody):
     what_to_do: Annotated[str, told("One sentence for the person at the cell.", "Clear the line of sight.")]
 
 
+class EarlyEnd(ResponseBody):
+    """The end of a run that a person ended early."""
+
+    by: Annotated[str, told("Who ended it.", "anna")]
+    reason: Annotated[str, told("Why; empty if nobody said.", "")]
+    utc: Annotated[str, told("When that was ordered, RFC 3339 UTC.", "2026-11-21T17:04:59.120Z")]
+    measured: Annotated[int, told("Number of readings that were measured.", 118)]
+    total: Annotated[int, told("Number of readings that were planned.", 300)]
+
+
 class RunResponse(ResponseBody):
     """A run. `version` grows with everything that happens to it."""
 
@@ -150,6 +161,9 @@ class RunResponse(ResponseBody):
     path: Annotated[PathShown | None, told("How far a path has come.", None)] = None
     accuracy: Annotated[
         AccuracyShown | None, told("What an adaptive campaign has reached; null before its first look.", None)
+    ] = None
+    finished_early: Annotated[
+        EarlyEnd | None, told("Who ended it early, as succeeded; null where nobody did.", None)
     ] = None
     unprotected: Annotated[
         int, told("Number of readings without a checksum; always 0: every one has it.", 0)
