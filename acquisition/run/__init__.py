@@ -10,16 +10,21 @@ from acquisition.run.interrupt import pausing_on_interrupt
 from acquisition.run.orders.control import ON_REQUEST
 from acquisition.run.orders.lease import LeaseDeadline
 from acquisition.run.outcome import ExecutionOutcome
+from acquisition.run.rig.device_state import NEVER_ASKED, ROLES, DeviceCondition, KnownDevice
 from acquisition.run.run import PROMPT, Run, checked_plan
 from acquisition.run.status import RunStatus, read_status
 
 __all__ = [
+    "NEVER_ASKED",
     "ON_REQUEST",
     "PROMPT",
+    "ROLES",
     "Begin",
     "Clock",
+    "DeviceCondition",
     "ExecutionOutcome",
     "Forecast",
+    "KnownDevice",
     "LeaseDeadline",
     "Run",
     "RunStatus",

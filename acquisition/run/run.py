@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import shutil
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -35,6 +35,7 @@ from acquisition.run.orders.robot_lock import Mover
 from acquisition.run.orders.stop_orders import StopOrders
 from acquisition.run.outcome import ExecutionOutcome, not_resumed, verdict_of
 from acquisition.run.prompts.prompt_queue import PromptQueue
+from acquisition.run.rig.device_state import DeviceStates, KnownDevice
 from acquisition.run.rig.rig import ConnectedDevice, DevicePair, add_unreached_devices
 from acquisition.run.sequencer import Sequencer
 from acquisition.run.status import CampaignExecution, Pace, RunStatus, status_of
@@ -72,6 +73,7 @@ class Run:
         self.campaign = campaign
         self._mutex = threading.Lock()  # who executes; taken for moments only
         self._execution: CampaignExecution | None = None
+        self._states: DeviceStates | None = None  # of the last execution
         self._resumed = False
         self._accepted: DeviceAcceptance | None = (
             None  # another device than the record's, in the next execution
@@ -264,7 +266,8 @@ class Run:
             self._store.start()
             self._resumed = False
             control = Control(clock)
-            rig = DevicePair(devices, control, self._met)
+            states = self._states = DeviceStates(clock.utc, self._device_changed)
+            rig = DevicePair(devices, control, self._met, states)
             desk = PromptQueue(
                 Attempts(self._store), devices.operator, control, self.folder / PROMPT, devices.person
             )
@@ -342,6 +345,12 @@ class Run:
         Individuals(self._store).met(met.role, met.who, self._accepted)
         if met.role == "robot" and self._mover is not None:
             self._mover.met(met.who)
+
+    def _device_changed(self, device: KnownDevice) -> None:
+        with suppress(StorageError):  # the next entry meets it too, and stops the run
+            self._store.add_event(
+                "device_state", role=device.role, state=device.condition.value, says=device.says
+            )
 
     def _owner_is_silent(self, lease: LeaseDeadline, control: Control) -> None:
         control.rest(f"{lease.owner} was not heard of for {lease.seconds:g} s.")
@@ -503,6 +512,15 @@ class Run:
     def visits(self) -> Visits:
         """The visits of the plan, to order that they are measured again or left out."""
         return Visits(self._store)
+
+    @property
+    def devices(self) -> Mapping[str, KnownDevice]:
+        """What is known of the devices by the last execution, by role; empty without one.
+
+        It reads no disk, asks no device and does not wait.
+        """
+        states = self._states
+        return {} if states is None else states.known
 
     @property
     def folder(self) -> Path:

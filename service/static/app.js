@@ -4,7 +4,7 @@ import * as check from "./check.js";
 import { Refusal, Silence, ask, clock, connection, enter, leave, signals } from "./connection.js";
 import * as correct from "./correct.js";
 import * as data from "./data.js";
-import { LEASE_S, desk, keep, looksOn, order, prolong, refresh, resting, stop, trouble } from "./desk.js";
+import { LEASE_S, desk, keep, looksOn, order, prolong, refresh, stop, trouble } from "./desk.js";
 import * as diagnose from "./diagnose.js";
 import { $, fill, h, icon, wait } from "./dom.js";
 import { closeControl, showControl } from "./lease.js";
@@ -15,7 +15,7 @@ import * as report from "./report.js";
 import { STEPS, active, afresh, loopOf, road, showRail, walk } from "./road.js";
 import * as robot from "./robot.js";
 import * as robots from "./robots.js";
-import { sign, state } from "./units.js";
+import { moment, sign, state } from "./units.js";
 import * as verify from "./verify.js";
 import * as watch from "./watch.js";
 import { t } from "./words.js";
@@ -64,21 +64,22 @@ function past(root) {
 
 // -- the strip and the rail -----------------------------------------------------------------------------------
 
-// What a device does, as far as its run tells; `off`: nobody knows.
+// What is known of a device: a grey dot, unless it needs a person. It is not asked for this.
+const TROUBLE = { beam_lost: "warn", silent: "bad", in_error: "bad" };
 function devices() {
-  const { cell, busy, loop } = desk, { silent } = connection, rests = resting(), fault = (busy || rests || {}).error, told = busy ? busy.state : "";
-  const one = (what, model, driver, ic, running) => {
-    const ill = fault && (fault.device === driver || fault.device === what);
-    const [kind, says] = silent ? ["off", t("dev_unknown")] : ill ? ["warn", fault.message] : told === "running" ? ["", running] : told === "waiting_for_operator" || told === "paused" ? ["", t("dev_still")] : rests ? [rests.state === "stopped" ? "bad" : "warn", state(rests.state)] : loop ? ["", t("dev_still")] : ["", t("dev_idle")];
-    return h("li", { className: `dev ${kind}` }, icon(kind === "off" ? "off" : kind ? "alert" : ic), h("span", { className: "t" }, h("span", { className: "k" }, t(what), h("span", { className: "model" }, ` ${model}`)), h("span", { className: "v" }, says)));
+  const { busy } = desk, { silent } = connection;
+  const one = (each) => {
+    const known = silent ? "unknown" : each.state, kind = known === "unknown" ? "off" : TROUBLE[known] || "", since = silent || !each.since_utc ? "" : t("sinceThen", { time: moment(new Date(each.since_utc)) });
+    return h("li", { className: `dev ${kind}`, title: silent ? t("neverHeard") : each.says, "data-role": each.role, "data-state": known }, icon(kind === "off" ? "off" : kind ? "alert" : each.role === "robot" ? "robot" : "tracker"),
+      h("span", { className: "t" }, h("span", { className: "k" }, t(each.role), h("span", { className: "model" }, ` ${each.name}`)), h("span", { className: "v" }, h("i", { className: "dot", "aria-hidden": "true" }), t(`dev_${known}`), since && h("span", { className: "from" }, ` ${since}`))));
   };
   const air = busy && busy.last_reading && typeof busy.last_reading.t_air_c === "number" ? busy.last_reading.t_air_c : null;
-  return [one("robot", cell.robot, cell.robot_driver, "robot", t("dev_moving")), one("instrument", cell.instrument, cell.instrument_driver, "tracker", t("dev_measuring")),
+  return [...desk.devices.map(one),
     air === null ? null : h("li", { className: "dev" }, icon("air"), h("span", { className: "t" }, h("span", { className: "k" }, t("air")), h("span", { className: "v" }, `${air.toFixed(1)} °C`)))];
 }
 
 function frame() {
-  const { cell, busy, loop } = desk, { silent } = connection, rests = resting();
+  const { cell, busy, loop } = desk, { silent } = connection;
   showControl();
   if (cell && !road.run && !road.job && (busy || loop) && !(busy && busy.dry_run)) walk({ run: busy, loop });
   if (loop && road.run && loopOf(road.run.id) === loop.id) road.loop = loop;
@@ -90,7 +91,7 @@ function frame() {
   document.title = `${silent ? `${t("noConnection")} · ` : asks ? `${t("asksYou")} · ` : busy ? `${state(busy.state)} · ` : ""}${here} · ${cell.name} · TruePose`;
   $("simulated").hidden = !cell.simulated;
   $("viewer").hidden = !looksOn();
-  fill($("devices"), [cell.robot, silent, busy && [busy.state, busy.error, busy.last_reading && busy.last_reading.t_air_c], rests && [rests.state, rests.error], Boolean(loop)], devices);
+  fill($("devices"), [silent, desk.devices.map((each) => [each.role, each.name, each.state, each.says, each.since_utc]), busy && busy.last_reading && busy.last_reading.t_air_c], devices);
 }
 
 function words() {
@@ -179,7 +180,7 @@ $("again").addEventListener("click", () => location.reload());
 signals.addEventListener("left", () => {
   keep(null);
   if (view && view.close) view.close();
-  Object.assign(desk, { cell: null, busy: null, last: null, loop: null, draft: null });
+  Object.assign(desk, { cell: null, devices: [], busy: null, last: null, loop: null, draft: null });
   view = null; at = ""; afresh();
   $("desk").replaceChildren(); $("control").hidden = true; $("devices").replaceChildren();
   begin();

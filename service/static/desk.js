@@ -8,7 +8,7 @@ const LEASE = "truepose-lease";
 export const LEASE_S = 15;
 // `busy`: the run that uses the robot; `loop`: the loop that does. `look`: look at the service now. `draft`: what has been
 // typed for a prompt that is not answered yet.
-export const desk = { cell: null, busy: null, last: null, loop: null, draft: null, lease: JSON.parse(sessionStorage.getItem(LEASE) || "null"), look: async () => {} };
+export const desk = { cell: null, devices: [], busy: null, last: null, loop: null, draft: null, lease: JSON.parse(sessionStorage.getItem(LEASE) || "null"), look: async () => {} };
 
 export const looksOn = () => Boolean(desk.cell && desk.cell.role === "viewer");
 export const held = () => (desk.lease ? { "Lease-Id": desk.lease.lease_id } : {});
@@ -39,6 +39,7 @@ export async function refresh() {
   const { run_id: busy, last_run_id: last } = desk.cell;
   desk.last = busy || last ? await ask("GET", `/runs/${busy || last}`).catch((error) => { if (error.status === 404) return null; throw error; }) : null;
   desk.busy = busy ? desk.last : null;
+  desk.devices = (await ask("GET", "/cell/devices")).devices;
   desk.loop = desk.cell.loop_id ? await ask("GET", `/loops/${desk.cell.loop_id}`) : null;
 }
 

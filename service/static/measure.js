@@ -74,6 +74,13 @@ export function open(root, id, step = 3) {
     askAgain({ title: t("endTitle"), body: t("endBody"), keep: t("keepRun"), verb: t("endVerb"), because: t("sayWhyEnded"), act: (reason) => prompt.answer(verb, reason) });
   }
 
+  // Ends the run with the readings that it has; what follows comes by itself, here or in the loop.
+  function finishEarly() {
+    const { loop } = desk, inLoop = subject(run).startsWith("/loops/"), now = { n: run.done, total: run.total };
+    askAgain({ title: t("finishTitle"), body: `${t(["running", "waiting_for_operator"].includes(run.state) ? "finishBody" : "finishBodyRests", now)} ${inLoop ? t(loop && loop.outlook ? "finishLoopAsks" : "finishLoopMoves") : ""}`.trim(), keep: t("keepMeasuring"), verb: t("finishNow"),
+      act: async (reason) => { watched = true; await ask("POST", `/runs/${run.id}/finish`, { reason }, moving()); } });
+  }
+
   // The serial number of another robot or instrument than that of the record, which has kept the run from going on.
   function another() {
     const of = subject(run).startsWith("/loops/") ? desk.loop && desk.loop.problem : run.error;
@@ -119,7 +126,7 @@ export function open(root, id, step = 3) {
   function show() {
     if (!run) return;
     const looking = looksOn(), { silent } = connection, by = control(), going = ["running", "waiting_for_operator"].includes(run.state), a = run.accuracy;
-    const says = run.dry_run ? t("dryRunShort") : run.state === "running" && run.done >= run.total && run.total ? t(a ? !a.ended ? "choosing" : "allDone" : road.wish ? "choosing" : "allDone") : t(`title_${run.state}`);
+    const says = run.dry_run ? t("dryRunShort") : run.state === "running" && run.done >= run.total && run.total ? t(a ? !a.ended ? "choosing" : "allDone" : road.wish ? "choosing" : "allDone") : t(run.finished_early ? "finishedEarly" : `title_${run.state}`);
     if (title.textContent !== says) title.textContent = says;
     title.dataset.state = run.state;
     fill(box, [run.prompt ? "" : run.reason, run.error, run.state, a && [a.reached, a.reason], diagnosing, outcome && outcome.id, outcome && outcome.state], () => {
@@ -129,6 +136,7 @@ export function open(root, id, step = 3) {
       if (run.state === "stopped") return noteBox("stop", "stop", t("stoppedNow", { n: run.done }), reason, h("p", {}, t("lookInto")));
       if (run.state === "failed") return noteBox("stop", "alert", t("title_failed"), reason);
       if (run.state === "paused") return noteBox("ask", run.error ? "alert" : "pause", t("pausedNow", { n: run.done }), reason);
+      if (run.finished_early) return noteBox("info", "info", t("finishedEarlyNow", { by: run.finished_early.by, n: run.finished_early.measured, total: run.finished_early.total }), run.finished_early.reason ? h("p", {}, run.finished_early.reason) : null);
       if (a && a.reached) return noteBox("good", "target", t("reachedNow", { mm: number(a.bound_mm), wanted: number(a.wanted_mm, 2) }), h("p", {}, a.verdict ? `${t("interim")} ${t(`verdict_${a.verdict}`)}. ` : "", a.reason || ""));
       return a && a.reason ? noteBox("info", "info", a.reason) : [];
     });
@@ -147,15 +155,16 @@ export function open(root, id, step = 3) {
     for (const each of [poses, list.parentElement.parentElement, options]) each.hidden = run.dry_run;
     const inLoop = loopOf(run.id), loopOn = desk.loop && desk.loop.id === inLoop, resumable = ["paused", "stopped", "ready"].includes(run.state) && !run.dry_run && (!inLoop || loopOn);
     const finish = (kind) => button(t("finishAndDiagnose"), () => order(finishNow), { id: "finish", kind, ic: "arrow" });
+    const fits = run.done > 0 && !looking && (!inLoop || (loopOn && by === "you" && /-campaign(1|-follow-up)$/.test(run.id))), early = () => fits && button(t("finishNow"), finishEarly, { id: "finish-early" });
     const found = outcome && { id: outcome.id, done: outcome.state === "succeeded" };
     const state_ = silent ? "silent" : run.prompt ? "prompt" : going ? "going" : found ? "found" : run.dry_run ? "dry" : inLoop && run.state === "succeeded" ? "loop" : looking ? "looking" : another() ? "another" : resumable ? `rests ${by}` : run.state === "succeeded" ? (diagnosing ? "diagnosing" : "succeeded") : "over";
-    foot.set([state_, run.state, found && found.id, looking], {
+    foot.set([state_, run.state, found && found.id, looking, fits], {
       silent: t("silentFoot"), prompt: looking ? t("operatorAnswers") : t("answerAbove"), going: looking ? t("viewerFoot") : t("nothingToDo"), found: t("next_diagnose"), dry: t("next_prepare"), loop: t("loopGoesOn"), looking: t("viewerMayNot"), another: t("acceptFoot"),
       "rests you": t("resumeFoot"), "rests nobody": t("leaseFirst"), "rests other": t("otherInControl", { name: desk.cell && desk.cell.lease ? desk.cell.lease.holder : "" }), "rests asked": t("holderAsked"), succeeded: t("next_finish"), diagnosing: t("nothingMoves"), over: t("overFoot"),
     }[state_] || "", () => ({
-      going: [pause()], prompt: [pause()], found: found ? [h("a", { className: "btn primary", id: "see-result", href: `#/diagnose/${found.id}` }, t("seeResult"))] : [], dry: [h("a", { className: "btn primary", href: "#/prepare" }, t("view_of_prepare"))], loop: [h("a", { className: "btn primary", href: `#/${step === 6 ? "verify" : "diagnose"}/${inLoop}` }, t("seeResult"))],
-      another: [button(t("accept"), accept, { id: "accept", kind: "primary", ic: "play" })], "rests you": [!inLoop && run.done > 0 && finish(""), button(t("resume"), () => order(() => goOn()), { id: "resume", kind: "primary", ic: "play" })],
-      "rests nobody": [!inLoop && run.done > 0 && finish(""), button(t("take"), openControl, { id: "to-control", kind: "primary", ic: "user" })], "rests other": [button(t("takeOverOf", { name: desk.cell && desk.cell.lease ? desk.cell.lease.holder : "" }), openControl, { id: "to-control", kind: "primary", ic: "user" })],
+      going: [early(), pause()], prompt: [early(), pause()], found: found ? [h("a", { className: "btn primary", id: "see-result", href: `#/diagnose/${found.id}` }, t("seeResult"))] : [], dry: [h("a", { className: "btn primary", href: "#/prepare" }, t("view_of_prepare"))], loop: [h("a", { className: "btn primary", href: `#/${step === 6 ? "verify" : "diagnose"}/${inLoop}` }, t("seeResult"))],
+      another: [button(t("accept"), accept, { id: "accept", kind: "primary", ic: "play" })], "rests you": [early(), button(t("resume"), () => order(() => goOn()), { id: "resume", kind: "primary", ic: "play" })],
+      "rests nobody": [early(), button(t("take"), openControl, { id: "to-control", kind: "primary", ic: "user" })], "rests other": [button(t("takeOverOf", { name: desk.cell && desk.cell.lease ? desk.cell.lease.holder : "" }), openControl, { id: "to-control", kind: "primary", ic: "user" })],
       succeeded: [finish("primary")], over: looking ? [] : [h("a", { className: "btn primary", href: "#/prepare" }, t("newCalibration"))],
     }[state_] || []).filter(Boolean));
   }

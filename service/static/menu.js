@@ -34,14 +34,14 @@ export function closeAll() {
   return any;
 }
 
-// Asks once more. The title names the thing, the button repeats the verb, the safe answer has the focus, a reason is needed.
-// It is not modal: Stop can be pressed beside it. `act(reason)`.
+// Asks once more. The title names the thing, the button repeats the verb, the safe answer has the focus, a reason is needed where
+// `because` asks for one. It is not modal: Stop can be pressed beside it. `act(reason)`.
 export function askAgain({ title, body, keep, verb, because, reason = "", act }) {
   const dialog = $("ask"), why = h("input", { id: "ask-why", maxLength: 500, autocomplete: "off", value: reason });
   const stay = button(keep, () => dialog.close(), { id: "ask-keep" });
   const go = button(verb, () => order(async () => {
     const text = why.value.trim();
-    if (!text) { why.focus(); throw new Error(because); }
+    if (because && !text) { why.focus(); throw new Error(because); }
     dialog.close();
     await act(text);
   }), { id: "ask-go", kind: "danger" });

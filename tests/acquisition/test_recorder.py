@@ -52,7 +52,7 @@ class Streaming:
 def test_what_disarmed_itself_at_the_end_of_a_failed_path_is_armed_again(tmp_path: Path) -> None:
     robot, tracker = Streaming(fails=False), Streaming(fails=True)
     devices = SimpleNamespace(robot=robot, instrument=tracker)
-    control = SimpleNamespace(check_stop=lambda: None)
+    control = SimpleNamespace(check_stop=lambda: None, stopping=False)
     rig = DevicePair(cast(Any, devices), cast(Any, control), lambda _: None)
     rig.make_ready()
     campaign = campaign_from({"format": "truepose-campaign/1", "block": [{"count": 10}]}, "campaign.toml")

@@ -195,6 +195,38 @@ def test_a_paused_run_of_a_loop_goes_on_where_it_was(stage: Stage) -> None:
     assert len(stage.bench.shots) == shown["total"] + 2 * 3  # nests twice, no reading twice
 
 
+@pytest.mark.parametrize("rests", [False, True])
+def test_a_run_of_a_loop_that_is_finished_leads_on(stage: Stage, rests: bool) -> None:
+    next_steps: list[str] = []
+
+    def scene(equipment: Equipment, campaign: Campaign, folder: Path, say: Say) -> None:
+        measure(equipment, campaign, folder / "campaign1")
+        next_steps.append("diagnosis")
+        measure(equipment, campaign, folder / "campaign2")
+
+    def finish() -> None:
+        work.finish("the-loop-campaign1", LeaseDeadline("bert", 30.0, LeaseClock()), "bert", "it is enough")
+
+    def verification() -> None:
+        with pytest.raises(Problem, match="verifies the correction"):
+            work.finish("the-loop-campaign2", LeaseDeadline("bert", 30.0, LeaseClock()), "bert", "")
+        refused.append(True)
+
+    refused: list[bool] = []
+    stage.bench.faults[10] = (lambda: stage.book.pause_all("anna", "Lunch.")) if rests else finish
+    stage.bench.faults[20] = verification
+    work = stage.begin(scene)
+    if rests:
+        until(lambda: work.document["state"] == "paused")
+        finish()
+        assert work.document["state"] != "paused"
+    until(lambda: work.document["state"] == "succeeded")
+    assert (next_steps, refused) == (["diagnosis"], [True])
+    shown = stage.book.document("the-loop-campaign1")
+    assert (shown["state"], shown["done"], shown["finished_early"]["by"]) == ("succeeded", 1, "bert")
+    assert stage.book.document("the-loop-campaign2")["finished_early"] is None
+
+
 def test_what_is_refused_and_what_breaks_stands_in_the_document(stage: Stage) -> None:
     def refuse(equipment: Equipment, campaign: Campaign, folder: Path, say: Say) -> None:
         raise ConfigError("no")

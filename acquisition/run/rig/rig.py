@@ -10,6 +10,7 @@ consecutive read-backs agree within the resolution of the reply.
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from typing import cast
 
 from acquisition.cell.devices import Devices, ManualJogging
 from acquisition.run.orders.control import Control
+from acquisition.run.rig.device_state import DeviceCondition, DeviceStates
 from drivers.errors import AcquisitionError, LinkError, LinkLost, NoisyMeasurement, Unmeasurable
 from drivers.interfaces import (
     Asking,
@@ -65,13 +67,20 @@ class ConnectedDevice:
 class DevicePair:
     """The devices of one execution.
 
-    `met` is called after each connection, before anything moves.
+    `met` is called after each connection, before anything moves; `states` notes what is known of both.
     """
 
-    def __init__(self, devices: Devices, control: Control, met: Callable[[ConnectedDevice], None]) -> None:
+    def __init__(
+        self,
+        devices: Devices,
+        control: Control,
+        met: Callable[[ConnectedDevice], None],
+        states: DeviceStates | None = None,
+    ) -> None:
         self._devices = devices
         self._control = control
         self._met = met
+        self.states = states or DeviceStates(time.time, lambda known: None)
         self._connected: set[str] = set()
         self._armed: set[str] = set()
         self._seen: set[str] = set()  # connected at least once
@@ -100,6 +109,7 @@ class DevicePair:
         for role, device in self._both():
             with self.using(role):
                 if role not in self._connected:
+                    self.states.note(role, DeviceCondition.CONNECTING, "It is being connected.")
                     device.connect()
                     read_deg = None
                     if role == "robot":
@@ -113,6 +123,7 @@ class DevicePair:
                     self._connected.add(role)  # who it is is known: only then
                     self._seen.add(role)
                     self._lost.discard(role)
+                    self.states.note(role, DeviceCondition.READY, "It is connected.")
             self._control.check_stop()
 
     def look(self) -> None:
@@ -152,6 +163,7 @@ class DevicePair:
                 if role not in self._armed:
                     device.arm()
                     self._armed.add(role)
+                    self.states.note(role, DeviceCondition.READY, "It is connected and armed.")
             # A stop between the look before and the arming must not be undone by it.
             self._control.check_stop()
 
@@ -176,6 +188,7 @@ class DevicePair:
         self._at_rest = False
         with self.using("robot"):
             self.moving = True
+            self.states.note("robot", DeviceCondition.MOVING, "It moves.")
             try:
                 reached = move()
             except LinkError:
@@ -186,6 +199,7 @@ class DevicePair:
             finally:
                 self.moving = False
         self.adrift = False
+        self.states.note("robot", DeviceCondition.READY, "It is at rest.")
         self._control.check_stop()
         self._at_rest = True
         return reached
@@ -290,8 +304,8 @@ class DevicePair:
             A stop was requested.
         """
         self._control.check_stop()
-        with self.using("instrument"):
-            meter = cast(PointMeter, self._devices.instrument)  # of a cell that measures points
+        meter = cast(PointMeter, self._devices.instrument)  # of a cell that measures points
+        with self._measuring(target):
             return meter.measure(target, samples=samples, near_mm=near_mm)
 
     def measure_length(self, target: str, base_target: str, samples: int) -> LengthReading:
@@ -305,7 +319,7 @@ class DevicePair:
             A stop was requested.
         """
         self._control.check_stop()
-        with self.using("instrument"):
+        with self._measuring(f"from {base_target} to {target}"):
             return self._length_meter.measure(target, base_target=base_target, samples=samples)
 
     def build(self, nominal_mm: float) -> None:
@@ -327,7 +341,7 @@ class DevicePair:
             A stop was requested.
         """
         self._control.check_stop()
-        with self.using("instrument"):
+        with self._measuring("its zero"):
             return self._length_meter.zero()
 
     def stream(self, role: str, rate_hz: float) -> AbstractContextManager[Iterator[Sample | None]]:
@@ -335,6 +349,8 @@ class DevicePair:
 
         Its errors must be raised within `using`, by the thread that commands.
         """
+        if role == "instrument":  # of the robot its moves are told
+            self.states.note(role, DeviceCondition.MEASURING, "It measures along a path.")
         return cast(Streaming, dict(self._both())[role]).stream(rate_hz)
 
     def at_speed(self, speed_deg_s: float | None) -> AbstractContextManager[None]:
@@ -353,21 +369,26 @@ class DevicePair:
         return cast(LengthMeter, self._devices.instrument)  # of a cell that measures distances
 
     @contextmanager
+    def _measuring(self, what: str) -> Iterator[None]:
+        with self.using("instrument"):
+            self.states.note("instrument", DeviceCondition.MEASURING, f"It measures {what}.")
+            yield
+            self.states.note("instrument", DeviceCondition.READY, "It has measured.")
+
+    @contextmanager
     def using(self, role: str) -> Iterator[None]:
-        """Track the effect of an error on the connection and the arming of a device."""
+        """Track the effect of an error on the connection, the arming and the known state of a device."""
         try:
             yield
-        except Unmeasurable:
-            raise
-        except LinkError:
-            self._lost.add(role)
-            self._connected.discard(role)
-            self._armed.discard(role)
-            self._at_rest = False
-            raise
-        except AcquisitionError:
-            self._armed.discard(role)
-            self._at_rest = False
+            self.states.heard(role)
+        except AcquisitionError as error:
+            if isinstance(error, LinkError):
+                self._lost.add(role)
+                self._connected.discard(role)
+            if not isinstance(error, Unmeasurable):
+                self._armed.discard(role)
+                self._at_rest = False
+            self.states.failed(role, error, stopped=self._control.stopping)
             raise
 
     def halt(self) -> list[AcquisitionError]:
@@ -417,6 +438,7 @@ class DevicePair:
             self._halting.wait_for(lambda: not self._halts)
             self._released = True
         self._let_go()
+        self.states.released()
 
     def _let_go(self) -> None:
         """Disarm and disconnect both.

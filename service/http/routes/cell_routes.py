@@ -11,7 +11,14 @@ from service.http.access.motion_lease import HeldLease
 from service.http.routes.json_route import JsonRoute
 from service.http.routes.pages.page import page_hash
 from service.http.state import Here
-from service.http.wire.bodies import CellShown, Health, LeaseRequest, LeaseShown, LeaseTakeoverRequest
+from service.http.wire.bodies import (
+    CellShown,
+    DeviceList,
+    Health,
+    LeaseRequest,
+    LeaseShown,
+    LeaseTakeoverRequest,
+)
 from service.http.wire.headers import LeaseId
 from service.json_values import utc_text
 
@@ -46,6 +53,35 @@ async def get_cell(here: Here, request: Request) -> dict[str, Any]:
         "last_run_id": here.book.last,
         "role": request.state.role.value,
         "lease": None if held is None else _shown(held),
+    }
+
+
+@router.get("/cell/devices", operation_id="listDevices", response_model=DeviceList)
+async def list_devices(here: Here) -> dict[str, Any]:
+    """Return what is known of robot and instrument: what they do, or what is wrong, and since when.
+
+    It is what runs and examinations have met. No device is asked for this answer, and none is connected, moved or
+    set. Trouble that begins or ends in a run is also its event `device_state`.
+    """
+    cell = here.cell
+    names = {
+        "robot": (cell.robot.model.name, cell.robot.driver),
+        "instrument": (cell.instrument.name, cell.instrument.driver),
+    }
+    return {
+        "devices": [
+            {
+                "role": each.role,
+                "name": names[each.role][0],
+                "driver": names[each.role][1],
+                "state": each.condition,
+                "says": each.says,
+                "since_utc": each.since_utc and utc_text(each.since_utc),
+                "heard_utc": each.heard_utc and utc_text(each.heard_utc),
+                "code": each.code,
+            }
+            for each in here.book.devices()
+        ]
     }
 
 

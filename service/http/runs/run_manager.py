@@ -13,9 +13,11 @@ from __future__ import annotations
 
 import shutil
 import threading
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -32,8 +34,9 @@ from acquisition import (
 )
 from acquisition.campaign import Visit
 from acquisition.errors import RecordError, StorageError
+from acquisition.examination import Examination
 from acquisition.record import DeviceAcceptance
-from acquisition.run import ON_REQUEST
+from acquisition.run import NEVER_ASKED, ON_REQUEST, ROLES, DeviceCondition, KnownDevice
 from drivers.errors import AcquisitionError, LinkError, LinkLost
 from service.http.runs import dry_runs, errors
 from service.http.runs.damage import Damaged, look_through
@@ -76,6 +79,9 @@ class RunManager:
         self._dry_runs = DryRuns(folder)
         self._damaged = Damaged(folder)
         self._execution: RobotThread | None = None
+        self._devices: dict[str, KnownDevice] = dict(
+            NEVER_ASKED
+        )  # of devices, from runs and examinations that ended
         self.last: str | None = None  # the run that used the robot last
         self.at_rest: Callable[[], None] = lambda: None  # called when a run or a loop has ended
         folder.mkdir(parents=True, exist_ok=True)
@@ -317,6 +323,7 @@ class RunManager:
                 self._errors[name] = error
             finally:
                 execution.begun.set()
+                self._devices |= run.devices
                 self._execution = None
                 self.at_rest()
 
@@ -369,6 +376,7 @@ class RunManager:
         try:
             yield run
         finally:
+            self._devices |= run.devices
             execution.run_id = ""
 
     def begun(self) -> None:
@@ -382,8 +390,10 @@ class RunManager:
             execution.begun.clear()
 
     @contextmanager
-    def examined(self) -> Iterator[None]:
+    def examined(self) -> Iterator[Callable[[Examination], None]]:
         """Reserve the devices within the block, in which they are asked for their state.
+
+        Yields a function that takes the result.
 
         Raises
         ------
@@ -394,10 +404,23 @@ class RunManager:
         with self._mutex:
             self.refuse_busy()
             self._execution = RobotThread(threading.current_thread(), "", examines=True)
+        before = self._devices
+        self._devices = {
+            role: replace(each, condition=DeviceCondition.CONNECTING, says="It is being examined.", code=None)
+            for role, each in before.items()
+        }
+        found: list[Examination] = []
         try:
-            yield
+            yield found.append
         finally:
+            self._devices = before | known_from(found)
             self._execution = None
+
+    def devices(self) -> list[KnownDevice]:
+        """Return what is known of robot and instrument. Nothing is asked or read for it, and nothing is waited for."""
+        run = self._runs.get(self.busy_with or "")
+        known = self._devices if run is None else {**self._devices, **run.devices}
+        return [known[role] for role in ROLES]
 
     def join(self, seconds: float) -> bool:
         """Wait up to this time for the current user of the robot to end; whether the robot is free."""
@@ -508,6 +531,28 @@ class RunManager:
             for run in self._runs.values():
                 run.close()
             self._runs.clear()
+
+
+def known_from(examinations: Sequence[Examination]) -> dict[str, KnownDevice]:
+    """Return what examinations that have just ended say of the devices that they asked, by role."""
+    known, now_utc = {}, time.time()
+    for role, each in ((role, each) for each in examinations for role in ROLES):
+        found = [check for check in each.findings if check.device == role]
+        if any(check.check == "lease" and check.level != "ok" for check in found):
+            continue  # another program uses it: it was not asked
+        fault = next((check for check in found if check.level == "fault"), None)
+        condition, says, heard_utc = (
+            DeviceCondition.NOT_CONNECTED,
+            "It was examined and is in order.",
+            now_utc,
+        )
+        if fault is not None:
+            silent = fault.code is not None and fault.code // 1000 == LinkError.code // 1000
+            condition = DeviceCondition.SILENT if silent else DeviceCondition.IN_ERROR
+            says, heard_utc = f"{fault.found}. {fault.do}", None if silent else now_utc
+        code = None if fault is None else fault.code
+        known[role] = KnownDevice(role, condition, says, now_utc, heard_utc, code)
+    return known
 
 
 class RunComputations:

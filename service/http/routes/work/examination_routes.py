@@ -19,11 +19,12 @@ router = APIRouter(route_class=JsonRoute, tags=["cell"])
 def examine_cell(here: Here) -> ExaminationShown:
     """Ask every device whether a campaign can begin. Needs no lease; 409 while the robot is used."""
     cell = here.cell
-    with here.book.examined():
+    with here.book.examined() as note:
         found = examine(
             cell,
             here.devices(cell),
             record=here.settings.record,
             simulated=here.settings.simulated is not None,
         )
+        note(found)
     return ExaminationShown.of(found)

@@ -11,6 +11,7 @@ from service.http.wire.bodies.cell import (
     DatasetList,
     DatasetMapped,
     DatasetShown,
+    DeviceList,
     Health,
     LeaseShown,
 )
@@ -81,6 +82,7 @@ __all__ = [
     "DatasetShown",
     "DeletionList",
     "DeletionShown",
+    "DeviceList",
     "DiagnosisShown",
     "EventKind",
     "EventShown",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
+from acquisition.run import DeviceCondition
 from service.http.wire.bodies.fields import Created, Id, Name, ResponseBody, Simulated, told
 from service.results.common import Campaign
 from service.results.files.conversion import MappedFit
@@ -57,6 +58,35 @@ class CellShown(ResponseBody):
     ]
     role: Annotated[Literal["operator", "viewer"], told("That of the token that asks.", "operator")]
     lease: Annotated[LeaseShown | None, told("The motion lease; null: nobody holds it.", None)]
+
+
+class DeviceShown(ResponseBody):
+    """What is known of a device; nothing was asked for this answer."""
+
+    role: Annotated[Literal["robot", "instrument"], told("Which device.", "instrument")]
+    name: Annotated[str, told("The robot file's name, or the instrument.", "faro-ion")]
+    driver: Annotated[str, told("Its driver, as the cell file names it.", "faro_ion")]
+    state: Annotated[
+        DeviceCondition,
+        told(
+            "`unknown`: nothing has asked it; `silent`: the link was lost. Trouble stays until it is asked again.",
+            "beam_lost",
+        ),
+    ]
+    says: Annotated[str, told("The same in words, with trouble also what to do.", "It measures T1.")]
+    since_utc: Annotated[
+        str | None, told("When that began, RFC 3339 UTC; null if unknown.", "2026-11-21T17:04:59.120Z")
+    ]
+    heard_utc: Annotated[
+        str | None, told("When it last answered, RFC 3339 UTC; null: never.", "2026-11-21T17:05:01.004Z")
+    ]
+    code: Annotated[int | None, told("Number of the kind of error; no unit.", 2001)]
+
+
+class DeviceList(ResponseBody):
+    """The devices of the cell."""
+
+    devices: Annotated[list[DeviceShown], told("The robot, then the instrument.", [])]
 
 
 class CampaignShown(ResponseBody):
