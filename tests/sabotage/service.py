@@ -258,10 +258,24 @@ CHANGES = (
     ),
     Change(
         "service/http/runs/loop_work.py",
-        "            self._changed.wait_for(self._goes_on, BEGIN_S)\n",
+        "        self._changed.wait_for(self._goes_on, BEGIN_S)\n",
         "",
         "a loop that was resumed is shown as it rested",
         ("tests/service/test_loop_work.py",),
+    ),
+    Change(
+        "acquisition/run/run.py",
+        "order = open_order(store) if store.state.active else None",
+        "order = None",
+        "a run that was finished and killed is paused when it is opened again",
+        ("tests/acquisition/test_finish.py",),
+    ),
+    Change(
+        "acquisition/run/rig/device_state.py",
+        "            if not each.condition.trouble:",
+        "            if each.condition:",
+        "a robot that was lost is shown as released",
+        ("tests/service/test_devices_http.py",),
     ),
     Change(
         "service/programs/kuka.py",

@@ -17,11 +17,13 @@ import httpx2
 import pytest
 
 from acquisition import Cell, Devices
+from acquisition.examination import CheckResult, Examination
 from acquisition.run import DeviceCondition
 from acquisition.run.rig.device_state import DeviceStates, KnownDevice
 from drivers.errors import BeamBroken, EmergencyStop, LinkLost, NoisyMeasurement
 from service.http.access.roles import ServiceSettings, Tokens
 from service.http.app import create_app
+from service.http.routes.work import examination_routes
 from service.http.wire.paths import PREFIX
 from service.http.work.workers import Workers
 from service.simulated_cell import SimulatedDevices
@@ -185,11 +187,24 @@ def test_trouble_that_ends_a_run_stays_known_until_an_examination(
         assert "pressed" in robot["says"]
         assert robot["since_utc"] is not None
         assert [each["state"] for each in await asked.events(ended["id"], "device_state")] == ["in_error"]
+        found.append(CheckResult("robot", "lease", "fault", "another campaign uses it", code=5003))
+        assert (await asked.client.post("/cell/examination")).status_code == 200
+        assert (await asked.devices())["robot"] == robot  # it was not asked
+        found[:] = [CheckResult("robot", "link", "ok", "it answers")]
+        found.append(
+            CheckResult("instrument", "link", "fault", "it does not answer", "Look at the cable.", 1001)
+        )
         assert (await asked.client.post("/cell/examination")).status_code == 200
         examined = await asked.devices()
-        assert examined["robot"]["state"] != "unknown"
+        assert (examined["robot"]["state"], examined["instrument"]["state"]) == ("not_connected", "silent")
         assert examined["robot"]["since_utc"] > robot["since_utc"]
+        assert "Look at the cable." in examined["instrument"]["says"]
 
+    def examined(cell: Cell, devices: Devices, **_: object) -> Examination:
+        return Examination(cell.name, True, 0.1, list(found))
+
+    found: list[CheckResult] = []
+    monkeypatch.setattr(examination_routes, "examine", examined)
     play(tmp_path, monkeypatch, scene)
 
 

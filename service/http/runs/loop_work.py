@@ -265,9 +265,7 @@ class LoopWork:
                     "Look at its state; begin a new loop where it has ended.",
                     code=3104,
                 )
-            self._lease, self._accepted, self._pausing = lease, accepted, ""
-            self._changed.notify_all()
-            self._changed.wait_for(self._goes_on, BEGIN_S)
+            self._go_on(lease, accepted)
 
     def finish(self, run_id: str, lease: LeaseDeadline, by: str, reason: str) -> None:
         """Finish the run in hand by leave of the lease holder; the loop goes on with its diagnosis.
@@ -294,9 +292,13 @@ class LoopWork:
             return
         run.finish(by, reason)
         with self._changed:
-            self._finished, self._lease, self._pausing = run, lease, ""
-            self._changed.notify_all()
-            self._changed.wait_for(self._goes_on, BEGIN_S)
+            self._finished = run
+            self._go_on(lease)
+
+    def _go_on(self, lease: LeaseDeadline, accepted: DeviceAcceptance | None = None) -> None:
+        self._lease, self._accepted, self._pausing = lease, accepted, ""
+        self._changed.notify_all()
+        self._changed.wait_for(self._goes_on, BEGIN_S)
 
     def _goes_on(self) -> bool:
         """Return whether an order to continue has been obeyed, or another order has followed it."""
