@@ -352,6 +352,6 @@ def _described(folder: Path) -> Iterator[dict[str, Any]]:
 def test_every_order_to_the_robot_is_in_the_first_lane(tmp_path: Path) -> None:
     with _described(tmp_path) as paths:
         first = {path for path in paths if AT_ONCE.fullmatch(re.sub(r"{\w+}", "x", path))}
-    orders = {path for path in paths if re.search(r"/(stop|pause)$|/prompts/|/lease|/health", path)}
+    orders = {path for path in paths if re.search(r"/(stop|pause|finish)$|/prompts/|/lease|/health", path)}
     assert first == orders
     assert len(first) > 6
