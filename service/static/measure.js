@@ -126,7 +126,7 @@ export function open(root, id, step = 3) {
   function show() {
     if (!run) return;
     const looking = looksOn(), { silent } = connection, by = control(), going = ["running", "waiting_for_operator"].includes(run.state), a = run.accuracy;
-    const says = run.dry_run ? t("dryRunShort") : run.state === "running" && run.done >= run.total && run.total ? t(a ? !a.ended ? "choosing" : "allDone" : road.wish ? "choosing" : "allDone") : t(run.finished_early ? "finishedEarly" : `title_${run.state}`);
+    const says = run.dry_run ? t("dryRunShort") : run.state === "running" && run.done >= run.total && run.total ? t(a ? !a.ended ? "choosing" : "allDone" : road.wish ? "choosing" : "allDone") : run.finished_early ? t("finishedEarly") : t(`title_${run.state}`);
     if (title.textContent !== says) title.textContent = says;
     title.dataset.state = run.state;
     fill(box, [run.prompt ? "" : run.reason, run.error, run.state, a && [a.reached, a.reason], diagnosing, outcome && outcome.id, outcome && outcome.state], () => {
