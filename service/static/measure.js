@@ -77,7 +77,7 @@ export function open(root, id, step = 3) {
   // Ends the run with the readings that it has; what follows comes by itself, here or in the loop.
   function finishEarly() {
     const { loop } = desk, inLoop = subject(run).startsWith("/loops/"), now = { n: run.done, total: run.total };
-    askAgain({ title: t("finishTitle"), body: `${t(["running", "waiting_for_operator"].includes(run.state) ? "finishBody" : "finishBodyRests", now)} ${inLoop ? t(loop && loop.outlook ? "finishLoopAsks" : "finishLoopMoves") : ""}`.trim(), keep: t("keepMeasuring"), verb: t("finishNow"),
+    askAgain({ title: t("finishTitle"), body: `${t(["running", "waiting_for_operator"].includes(run.state) ? "finishBody" : "finishBodyRests", now)} ${inLoop ? t(loop && loop.outlook ? "finishLoopAsks" : "finishLoopMoves") : ""}`.trim(), keep: t(["running", "waiting_for_operator"].includes(run.state) ? "keepMeasuring" : "keepRun"), verb: t("finishNow"), kind: "primary",
       act: async (reason) => { watched = true; await ask("POST", `/runs/${run.id}/finish`, { reason }, moving()); } });
   }
 

@@ -36,7 +36,7 @@ export function closeAll() {
 
 // Asks once more. The title names the thing, the button repeats the verb, the safe answer has the focus, a reason is needed where
 // `because` asks for one. It is not modal: Stop can be pressed beside it. `act(reason)`.
-export function askAgain({ title, body, keep, verb, because, reason = "", act }) {
+export function askAgain({ title, body, keep, verb, because, reason = "", kind = "danger", act }) {
   const dialog = $("ask"), why = h("input", { id: "ask-why", maxLength: 500, autocomplete: "off", value: reason });
   const stay = button(keep, () => dialog.close(), { id: "ask-keep" });
   const go = button(verb, () => order(async () => {
@@ -44,7 +44,7 @@ export function askAgain({ title, body, keep, verb, because, reason = "", act })
     if (because && !text) { why.focus(); throw new Error(because); }
     dialog.close();
     await act(text);
-  }), { id: "ask-go", kind: "danger" });
+  }), { id: "ask-go", kind });
   dialog.setAttribute("aria-label", title);
   dialog.replaceChildren(h("h2", {}, title), h("p", {}, body), h("label", { className: "field" }, h("span", {}, t("reasonKept")), why), h("div", { className: "row end" }, stay, go));
   dialog.show(); stay.focus();

@@ -93,14 +93,15 @@ class DeviceStates:
     def note(self, role: str, condition: DeviceCondition, says: str, code: int | None = None) -> None:
         """Note what a device does, or what is wrong with it."""
         now_utc, before = self._utc(), self.known.get(role)
+        if condition is DeviceCondition.CONNECTING and before and before.condition is DeviceCondition.SILENT:
+            return  # lost until it answers
         silent = condition in (
             DeviceCondition.CONNECTING,
             DeviceCondition.SILENT,
             DeviceCondition.NOT_CONNECTED,
         )
         heard_utc = (before and before.heard_utc) if silent else now_utc
-        same = before is not None and (before.condition, before.says) == (condition, says)
-        since_utc = before.since_utc if before is not None and same else now_utc
+        since_utc = before.since_utc if before and before.condition is condition else now_utc
         now = KnownDevice(role, condition, says, since_utc, heard_utc, code)
         self.known = {**self.known, role: now}
         trouble = condition if condition.trouble else None
