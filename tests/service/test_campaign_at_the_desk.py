@@ -25,6 +25,7 @@ import pytest
 from acquisition.record import FILE, RecordStore
 from service.cli import main
 from service.printed.terminal import duration
+from tests.acquisition.stage import Stage
 from tests.drivers.waiting import PATIENCE_S
 from tests.service.campaigns import edit_text
 from tests.service.test_campaign_commands import files, started
@@ -281,6 +282,7 @@ def test_a_new_station_is_noted_while_it_is_paused_and_refused_while_it_runs(
             if "Seat the SMR in N1" in line:
                 break
         refused(["restation", record], 4, "Press Ctrl-C there", capsys)
+        refused(["finish", record], 4, "Press Ctrl-C there", capsys)
         process.send_signal(signal.SIGINT)
         process.communicate(timeout=PATIENCE_S)
     os.close(master)
@@ -291,3 +293,26 @@ def test_a_new_station_is_noted_while_it_is_paused_and_refused_while_it_runs(
     assert main(["campaign", "events", record]) == 0
     assert '"reason": "a forklift"' in capsys.readouterr().out.splitlines()[-1]
     refused(["restation", str(tmp_path / "nothing")], 2, "there is no record", capsys)
+
+
+def test_a_paused_campaign_is_finished_and_exported(tmp_path: Path, capsys: Output) -> None:
+    stage = Stage(tmp_path / "record")
+    stage.bench.faults[11] = stage.run.pause  # while its second target is measured
+    stage.execute()
+    stage.run.close()
+    record = str(stage.folder)
+    assert main(["campaign", "finish", record, "--reason", "it is enough", "--json", "-"]) == 0
+    shown = json.loads(capsys.readouterr().out)
+    assert (shown["state"], shown["finished_early"]["reason"]) == ("succeeded", "it is enough")
+    assert (shown["finished_early"]["measured"], shown["finished_early"]["total"]) == (2, 5)
+    assert main(["campaign", "resume", record, "--simulate"]) == 1
+    assert main(["campaign", "finish", record]) == 0  # it is already
+
+
+def test_a_campaign_without_readings_or_at_its_end_is_not_finished(
+    again: tuple[Path, list[str]], tmp_path: Path, capsys: Output
+) -> None:
+    refused(["finish", str(again[0])], 1, "nothing is left to finish", capsys)
+    stage = Stage(tmp_path / "other")
+    stage.run.close()
+    refused(["finish", str(stage.folder)], 1, "nothing to fit", capsys)
