@@ -343,7 +343,7 @@ const WORDS = {
   say_diagnose: "In progress",
   say_correct: "Choose a way",
   say_corrected: "Done by the loop",
-  dev_unknown: "unknown", dev_not_connected: "not connected", dev_connecting: "connecting", dev_ready: "ready", dev_moving: "moving",
+  dev_unknown: "unknown", dev_not_connected: "released", dev_connecting: "connecting", dev_ready: "ready", dev_moving: "moving",
   dev_measuring: "measuring", dev_beam_lost: "beam lost", dev_silent: "no answer", dev_in_error: "in error",
   title_ready: "Ready",
   title_running: "Measuring",
