@@ -96,9 +96,9 @@ def read_text(path: Path, most: int = MOST_BYTES) -> str:
 
 
 def note_files(hook: Callable[[Path, bytes], object] | None) -> None:
-    """Call `hook` with the path and content of every file that is written from now on.
+    """Call `hook` with path and content just before every file that is written from now on is replaced.
 
-    None removes the hook.
+    It may raise an error to keep the file as it is. None removes the hook.
     """
     global _noting
     _noting = hook
@@ -115,10 +115,12 @@ def replace_file(path: Path, content: str | bytes) -> None:
             file.write(data)
             file.flush()
             os.fsync(file.fileno())
-        os.replace(partial, target)
         if _noting is not None:
             _noting(target, data)
-    except BaseException:
+        os.replace(partial, target)
+    except BaseException as error:
+        if isinstance(error, OSError):
+            error.filename, error.filename2 = str(path), None  # not that of the part; a full disk names none
         partial.unlink(missing_ok=True)
         raise
 

@@ -228,7 +228,7 @@ def check_outputs(
         shown,
     ) in places.items():  # after all others: no option writes over a file that is read
         writer = f"{written.command} {option}"
-        written.intend(place, writer)
+        written.intend(place, writer, added_to=option in added_to)
         if not place.exists() or option in added_to or (found := written.writer_of(place)) in ("", writer):
             continue
         if not written.overwriting:

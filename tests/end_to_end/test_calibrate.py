@@ -6,18 +6,22 @@ files of others, and an accuracy that cannot be reached and is said to be only a
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import signal
 import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from acquisition import Run, read_cell, read_status
+from acquisition.errors import StorageError
 from acquisition.loop import LoopEnded, calibration_campaign, close_loop, loop, rehearsal
 from acquisition.record import FILE
 from drivers.errors import AcquisitionError
@@ -25,6 +29,7 @@ from service import wording
 from service.cli import main
 from service.commands.cell import calibrate
 from service.commands.cell.calibrate import created_or_continued
+from service.results.cell import loop_results
 from tests.drivers.waiting import PATIENCE_S, until
 from tests.end_to_end.simulated import ROOT, stepped_cell, truepose
 from tests.service.test_http_support import served
@@ -129,15 +134,35 @@ def test_it_goes_on_after_the_program_was_killed(cell: Path, tmp_path: Path) -> 
     assert other.returncode != 0
 
 
-def test_an_interrupted_diagnosis_says_how_to_go_on(
-    cell: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("writing", [False, True])  # the results, or still in the loop
+@pytest.mark.parametrize(
+    ("ended", "words", "code"),
+    [
+        (KeyboardInterrupt(), "nothing moves", 130),
+        (OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)), "Make room on the disk", StorageError.exit_code),
+        (StorageError("less than 50 MB free"), "Make room on the disk", StorageError.exit_code),
+    ],
+)
+def test_what_ends_it_where_nothing_moves_says_how_to_go_on(
+    cell: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    writing: bool,
+    ended: BaseException,
+    words: str,
+    code: int,
 ) -> None:
-    def interrupted(*_: Any, **__: Any) -> None:
-        raise KeyboardInterrupt
+    def ends(*_: Any, **__: Any) -> None:
+        raise ended
 
-    monkeypatch.setattr(calibrate, "close_loop", interrupted)
-    assert main(["calibrate", str(cell), "--simulate", "--record", str(tmp_path / "out")]) == 130
-    assert "same command again" in capsys.readouterr().err
+    monkeypatch.setattr(calibrate, "examine", lambda *_, **__: SimpleNamespace(exit_code=0))
+    monkeypatch.setattr(calibrate, "close_loop", (lambda *_, **__: None) if writing else ends)
+    monkeypatch.setattr(loop_results, "write", ends)
+    assert main(["calibrate", str(cell), "--simulate", "--record", str(tmp_path / "out")]) == code
+    said = capsys.readouterr().err
+    assert "same command again" in said
+    assert words in said
 
 
 def _descendants(pid: int) -> list[int]:
@@ -170,13 +195,34 @@ def _done(record: Path) -> int:
         return 0
 
 
+@pytest.mark.parametrize("begun", [False, True])
 @pytest.mark.parametrize("name", ["report.html", "data1.csv"])  # data1 is written where poses follow
-def test_a_file_of_another_program_is_not_replaced(cell: Path, tmp_path: Path, name: str) -> None:
+def test_a_file_of_another_program_is_not_replaced(
+    cell: Path, tmp_path: Path, name: str, begun: bool
+) -> None:
+    if begun:  # and interrupted since
+        _begun(cell, tmp_path / "campaign1")
     (tmp_path / name).write_text("mine")
     refused = truepose("calibrate", str(cell), "--simulate", "--record", str(tmp_path))
     assert refused.returncode != 0
+    assert f"{name}: is there already" in refused.stderr
     assert (tmp_path / name).read_text() == "mine"
+    assert (tmp_path / "campaign1").exists() == begun
+
+
+def test_a_verification_of_another_calibration_is_not_judged(cell: Path, tmp_path: Path) -> None:
+    """Its targets were corrected with another model."""
+    _begun(cell, tmp_path / "campaign2")
+    refused = truepose("calibrate", str(cell), "--simulate", "--record", str(tmp_path))
+    assert refused.returncode != 0
+    assert "campaign2 of a calibration" in refused.stderr
     assert not (tmp_path / "campaign1").exists()
+
+
+def _begun(cell: Path, record: Path) -> None:
+    the_cell = read_cell(cell)
+    campaign, _ = calibration_campaign(the_cell, accuracy_mm=0.1)
+    created_or_continued(record, the_cell, campaign, True).close()
 
 
 def _refusing(asked: list[str]) -> Callable[[str], bool]:

@@ -6,6 +6,8 @@ output after it was edited. They would also catch a command that cannot be run t
 
 from __future__ import annotations
 
+import errno
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -133,6 +135,63 @@ def test_what_is_only_added_to_and_what_is_read(tmp_path: Path, monkeypatch: pyt
         options.check_outputs({"--history": history})
     with pytest.raises(DataError, match="which is read"):
         options.check_outputs({"--out": read}, inputs=[read])
+
+
+def test_a_file_that_was_put_there_during_the_work_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(written, "overwriting", False)
+    out = tmp_path / "report.html"
+    options.check_outputs({"--report": out})
+    replace_file(out, "its own\n")
+    replace_file(out, "its own again\n")
+    out.write_text("mine\n", "utf-8")
+    with pytest.raises(DataError, match=r"report\.html: was put there"):
+        replace_file(out, "its own\n")
+    assert [file.read_text("utf-8") for file in tmp_path.iterdir()] == ["mine\n"]
+    options.check_outputs({"--report": out}, added_to=["--report"])
+    replace_file(out, "mine\nand its own\n")
+
+
+@pytest.mark.parametrize("replaced", [False, True])
+def test_a_command_that_was_killed_while_it_wrote_knows_its_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, replaced: bool
+) -> None:
+    monkeypatch.setattr(written, "overwriting", False)
+    out = tmp_path / "m.json"
+    options.check_outputs({"--model": out})
+    replace_file(out, "first\n")
+    replace = os.replace
+
+    def killed(source: Path, target: Path) -> None:
+        if target != out:
+            return replace(source, target)  # of a note
+        if replaced:
+            replace(source, target)
+        raise SystemExit
+
+    for text in ("second\n", "third\n"):
+        monkeypatch.setattr(os, "replace", killed)
+        with pytest.raises(SystemExit):
+            replace_file(out, text)
+        monkeypatch.setattr(os, "replace", replace)
+        monkeypatch.setattr(written, "_done", {})  # as in the next program
+        options.check_outputs({"--model": out})
+    replace_file(out, "fourth\n")
+    assert out.read_text("utf-8") == "fourth\n"
+
+
+def test_a_disk_that_is_full_is_reported_with_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OSError, match="No space left") as refused:
+        replace_file(tmp_path / "report.html", "text\n")
+    assert refused.value.filename == str(tmp_path / "report.html")
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_folder_in_which_no_demo_has_run_is_left_alone(tmp_path: Path) -> None:

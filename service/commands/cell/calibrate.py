@@ -22,15 +22,13 @@ from acquisition import (
     Campaign,
     Cell,
     Devices,
-    ExecutionOutcome,
     Run,
     ScaledClock,
-    State,
     open_devices,
     pausing_on_interrupt,
     read_cell,
 )
-from acquisition.errors import RecordError
+from acquisition.errors import RecordError, StorageError
 from acquisition.examination import examine, note_low_priority
 from acquisition.loop import VERIFICATION, Equipment, LoopEnded, calibration_campaign, close_loop
 from acquisition.record import RecordStore, is_begun
@@ -55,7 +53,6 @@ from service.wording import counted
 
 CERTIFICATE = "certificate.xml"
 _AXES = ("x", "y", "z")
-_INTERRUPTED = ExecutionOutcome(State.PAUSED, "Interrupted; nothing moves.")
 
 
 @owner_only()
@@ -178,16 +175,16 @@ def calibrate_command(
         )
         try:
             result = close_loop(equipment, campaign, folder, poses=poses, say=terminal.say)
-        except (LoopEnded, KeyboardInterrupt) as ended:  # Ctrl-C where nothing moves, as in a diagnosis
-            outcome = ended.outcome if isinstance(ended, LoopEnded) else _INTERRUPTED
+            terminal.say("drawing the report")
+            document, sealed = loop_results.write(result, folder, parties=parties)
+            parameters = [document_of(row) for row in rows_of(result.diagnosis.final)]
+            certificate.write(result.diagnosis.dataset, document, parameters, sealed)
+        except (LoopEnded, KeyboardInterrupt, StorageError, OSError) as ended:
             terminal.rest()
-            terminal.note(f"truepose: {outcome.reason if outcome.error is None else outcome.error.sentence}")
+            reason, exit_code = _why_it_ended(ended)
+            terminal.note(f"truepose: {reason}")
             terminal.note(f"Give the same command again to continue{'' if record else f' in {folder}'}.")
-            raise typer.Exit(outcome.exit_code) from ended
-        terminal.say("drawing the report")
-        document, sealed = loop_results.write(result, folder, parties=parties)
-        parameters = [document_of(row) for row in rows_of(result.diagnosis.final)]
-        certificate.write(result.diagnosis.dataset, document, parameters, sealed)
+            raise typer.Exit(exit_code) from ended
         terminal.rest()
         show_loop(result, terminal)
         terminal.out.print(
@@ -195,6 +192,21 @@ def calibrate_command(
             soft_wrap=True,
         )
         write_json(document, json)
+
+
+def _why_it_ended(ended: BaseException) -> tuple[str, int]:
+    """Return the reason why a calibration rests, and the exit code."""
+    if isinstance(ended, OSError):
+        what_to_do = "Make room on the disk or correct its permissions."
+        ended = StorageError(
+            f"{ended.filename or 'a file'}: {ended.strerror or ended}", what_to_do=what_to_do
+        )
+    if isinstance(ended, StorageError):
+        return ended.sentence, ended.exit_code
+    if not isinstance(ended, LoopEnded):  # Ctrl-C where nothing moves, as in a diagnosis
+        return "Interrupted; nothing moves.", exit_codes.INTERRUPTED
+    outcome = ended.outcome
+    return outcome.reason if outcome.error is None else outcome.error.sentence, outcome.exit_code
 
 
 def _zone(text: str, program: Path | None) -> dict[str, list[float]] | None:
@@ -268,9 +280,9 @@ def _check_folder(folder: Path, cell: Cell, campaign: Campaign, *, simulate: boo
     ConfigError
         It is a file, or the folder above it does not exist.
     RecordError
-        It has another calibration, or one that is finished.
+        It has another calibration, a part of one, or one that is finished.
     DataError
-        It has files that a calibration would replace.
+        It has files of others that the calibration would replace.
     """
     if folder.exists() and not folder.is_dir():
         raise ConfigError(f"--record {folder}: is a file", what_to_do="Name a new folder.")
@@ -299,7 +311,12 @@ def _check_folder(folder: Path, cell: Cell, campaign: Campaign, *, simulate: boo
                 f"{folder}: was begun {what}",
                 what_to_do="Give the options of then to continue it, or a new folder with --record.",
             )
-    elif folder.exists():
+    elif others := [each.name for each in sorted(folder.glob("campaign*")) if is_begun(each)]:
+        raise RecordError(
+            f"{folder}: has {others[0]} of a calibration, and not the campaign1 on which it rests",
+            what_to_do="Put campaign1 back, or give a new folder with --record.",
+        )
+    if folder.exists():
         options.check_outputs({name: folder / name for name in (*loop_results.FILES, CERTIFICATE, *data)})
     return begun
 
