@@ -1,7 +1,13 @@
 """Campaigns: blocks of poses, planned for one cell and checked before anything moves."""
 
 from acquisition.campaign.blocks.block import DECIMALS
-from acquisition.campaign.campaign import Campaign, CampaignTable, campaign_from, read_campaign
+from acquisition.campaign.campaign import (
+    Campaign,
+    CampaignTable,
+    campaign_from,
+    campaign_of_record,
+    read_campaign,
+)
 from acquisition.campaign.check_poses import ApproachRule, drawn_poses, stance_poses, touch_poses
 from acquisition.campaign.observability import setup_of
 from acquisition.campaign.placement_views import placement_picture
@@ -21,6 +27,7 @@ __all__ = [
     "Visit",
     "best_first",
     "campaign_from",
+    "campaign_of_record",
     "draw_poses",
     "drawn_poses",
     "grid",

@@ -132,6 +132,8 @@ class Equipment:
         Calls functions of a module that take seconds; in another process if a person must be served meanwhile.
     diagnose
         Makes the diagnosis, which takes minutes; in another process likewise.
+    place
+        Returns the folder of the record that `create` makes for a proposed one.
     confirm
         Asks a person whether the motion that a text describes may begin. False ends the loop.
     begin
@@ -146,6 +148,7 @@ class Equipment:
     listen: Listen = lambda run: lambda event: None
     lease: Callable[[], LeaseDeadline | None] = lambda: None
     create: Create = new_run
+    place: Callable[[Path], Path] = lambda record: record
     resumed: Resumed = lambda run, outcome: False
     compute: Compute = here
     diagnose: Diagnose = diagnosed
@@ -370,9 +373,9 @@ def verify(
     sent: list[Array] = []
     for number, begin in enumerate(range(0, len(wanted), size), start=2):
         goals, record = wanted[begin : begin + size], folder / f"campaign{number}"
-        begun = targets_of_record(record)
+        begun = targets_of_record(equipment.place(record))
         if begun is not None:  # by an earlier program
-            if follows and read_status(record).state != State.SUCCEEDED.value:
+            if follows and read_status(equipment.place(record)).state != State.SUCCEEDED.value:
                 refused.append("it was corrected for a time before the calibration was interrupted")
                 continue
             joints, goals = begun

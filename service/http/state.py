@@ -8,7 +8,9 @@ from __future__ import annotations
 import asyncio
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import anyio
@@ -93,6 +95,16 @@ class Service:
         self._watches: dict[str, asyncio.Task[int]] = {}
         self.stream_turns = asyncio.Lock()
         anyio.to_thread.current_default_thread_limiter().total_tokens = ORDINARY
+
+    def models_of(self, table: Mapping[str, Any]) -> dict[str, Path]:
+        """Return the files of the models of this service that the blocks of a campaign name, by id."""
+        blocks = table.get("block")
+        found: dict[str, Path] = {}
+        for block in blocks if isinstance(blocks, list) else ():
+            if isinstance(block, Mapping) and isinstance(name := block.get("model"), str):
+                with suppress(Problem):
+                    found[name] = self.jobs.model_file(name)
+        return found
 
     def devices(self, cell: Cell) -> Devices:
         """Open the devices of a cell, or their simulators, without connecting them."""

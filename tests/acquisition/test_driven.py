@@ -7,6 +7,7 @@ twice, a corrected pose that is not checked, a model of another robot, and poses
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,7 @@ from tests.acquisition.fakes import (
 )
 from tests.acquisition.test_path_plan import BESIDE, MIDDLE, ur
 from tests.calib.campaigns import write_files
+from tests.service.test_http_support import served
 
 CELL = a_cell(**BALLBAR)
 HEXAPOD = {"kind": "hexapod", "set": "validation", "count": 4, "stages": 2}
@@ -194,9 +196,35 @@ def test_touched_cups_do_not_go_with_it(model: Path) -> None:
         make_plan(CELL, campaign(model.parent, touching, HEXAPOD | {"model": "m.json"}))
 
 
-def test_a_file_of_the_server_is_not_read_over_http() -> None:
-    with pytest.raises(ConfigError, match="model reads a file of the server"):
-        campaign_of(changed(CAMPAIGN, block=[{"count": 2, "model": "m.json"}]))
+def test_a_file_of_the_server_is_not_read_over_http(model: Path) -> None:
+    with pytest.raises(ConfigError, match="cannot be used here"):
+        campaign_of(changed(CAMPAIGN, block=[{"count": 2, "model": str(model)}]), {"a-job": model})
+
+
+def test_a_model_of_the_service_drives_a_block_by_its_id(model: Path, tmp_path: Path) -> None:
+    cell, found = tmp_path / "cell.toml", tmp_path / "record" / "identifications" / "a-job"
+    cell.write_text(CELL.source, "utf-8")
+    found.mkdir(parents=True)
+    shutil.copy(model, found)
+    (found / "m.json").rename(found / "model.json")
+    (found / "result.json").write_text("{}", "utf-8")
+    driven = changed(CAMPAIGN, block=[HEXAPOD | {"model": "a-job"}])
+    nominal = changed(CAMPAIGN, block=[HEXAPOD])
+    with served(tmp_path / "record", "--cell", str(cell)) as service:
+        client = service.client
+        kept = client.post("/campaigns", json={"campaign": driven}).json()["id"]
+        plans = [
+            client.get(f"/runs/{client.post('/runs', json=asked).json()['id']}/plan").json()["visits"]
+            for asked in ({"campaign": nominal}, {"campaign": driven}, {"campaign_id": kept})
+        ]
+        unknown = changed(CAMPAIGN, block=[HEXAPOD | {"model": "another"}])
+        for path, asked in (("/runs", unknown), ("/campaigns", unknown), ("/loops", driven)):
+            refused = client.post(path, json={"campaign": asked})
+            assert refused.status_code == 422, refused.text
+    by_file = checked_plan(CELL, campaign(model.parent, HEXAPOD | {"model": model.name}))
+    assert plans[1] == plans[2]
+    assert [tuple(visit["joints_deg"]) for visit in plans[1]] == [visit.joints_deg for visit in by_file]
+    assert plans[1] != plans[0]
 
 
 SPHERE: dict[str, Any] = {

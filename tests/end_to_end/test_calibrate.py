@@ -20,7 +20,7 @@ from typing import Any
 
 import pytest
 
-from acquisition import Run, read_cell, read_status
+from acquisition import Run, State, read_cell, read_status
 from acquisition.errors import StorageError
 from acquisition.loop import LoopEnded, calibration_campaign, close_loop, loop, rehearsal
 from acquisition.record import FILE
@@ -32,7 +32,7 @@ from service.commands.cell.calibrate import created_or_continued
 from service.results.cell import loop_results
 from tests.drivers.waiting import PATIENCE_S, until
 from tests.end_to_end.simulated import ROOT, stepped_cell, truepose
-from tests.service.test_http_support import served
+from tests.service.test_http_support import Served, served
 
 SCALE = 500.0
 
@@ -313,3 +313,47 @@ def test_over_http_it_rests_until_a_person_lets_corrected_targets_be_driven(
     assert done["state"] == "succeeded", done
     assert done["result"]["accuracy"]["reached"]
     assert done["result"]["verification"]["ratio"] < 3.0
+
+
+def test_a_loop_that_the_service_did_not_outlive_is_paused_and_ends_on_resuming(
+    cell: Path, tmp_path: Path
+) -> None:
+    """It is cut off in every phase; nothing moves before somebody resumes it, and no reading is taken twice."""
+    path, lease = "", {"Lease-Id": ""}
+
+    def phase(service: Served, document: dict[str, Any]) -> str:
+        if document["state"] == "paused":
+            return "question" if "corrected targets" in document["reason"] else "paused"
+        run = document["run"]
+        if run is None:
+            return "planning" if not document["runs"] else "computing"
+        if run["done"] < 4:
+            return "beginning"
+        return "measuring" if run["id"].endswith("campaign1") else "verifying"
+
+    for cut in ("planning", "measuring", "computing", "question", "verifying", "end"):
+        with served(tmp_path / "record", "--cell", str(cell), "--simulate") as service:
+            client = service.client
+            lease["Lease-Id"] = service.lease("anna")["lease_id"]
+            if not path:
+                asked = {"accuracy_mm": 0.1, "poses": 4, "dry_run": False}
+                path = f"/loops/{client.post('/loops', json=asked, headers=lease).json()['id']}"
+            else:
+                shown = client.get(path).json()
+                assert (shown["state"], shown["run"]) == ("paused", None), shown
+                assert client.post(f"{path}/pause").status_code == 202
+                assert all(not State(run["state"]).active for run in client.get("/runs").json()["runs"])
+                assert client.post(f"{path}/resume", headers=lease).status_code == 202
+            while (now := phase(service, document := client.get(path).json())) != cut:
+                if document["state"] in ("succeeded", "failed", "stopped"):
+                    break
+                assert now != "paused", document
+                if now == "question":
+                    assert client.post(f"{path}/resume", headers=lease).status_code == 202
+            if cut != "end":
+                assert now == cut, document
+                service.process.kill()
+    assert document["state"] == "succeeded", document
+    assert document["runs"] == [f"{document['id']}-campaign{number}" for number in (1, 2)]
+    assert document["result"]["verification"]["poses"] == 4
+    assert document["result"]["verification"]["ratio"] < 3.0

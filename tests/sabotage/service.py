@@ -19,6 +19,20 @@ _LEASE = (
 
 CHANGES = (
     Change(
+        "service/http/runs/loop_work.py",
+        "        return by is not None and not self._ending  # a stop that came before that was of a run at rest\n",
+        "        return by is not None\n",
+        "a loop that is stopped while another client resumes it moves on to its end",
+        ("tests/service/test_loop_work.py",),
+    ),
+    Change(
+        "service/written.py",
+        '    if stated and now not in (None, _done.get(place)) and writer_of(path) not in ("", writer):\n',
+        "    if False:\n",
+        "a file that somebody puts there during the work is replaced",
+        ("tests/service/test_written_files.py",),
+    ),
+    Change(
         "acquisition/file_table.py",
         'if parts.get("type") in ("list", "tuple", "dict") else {}',
         'if parts.get("type") == "set" else {}',

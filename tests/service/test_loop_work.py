@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import threading
@@ -14,7 +15,8 @@ from typing import Any
 
 import pytest
 
-from acquisition import Campaign, ExecutionOutcome, LeaseDeadline, State
+from acquisition import Campaign, ExecutionOutcome, LeaseDeadline, Run, State
+from acquisition.errors import StorageError
 from acquisition.loop import Compute, Equipment, LoopEnded, LoopResult, Say
 from acquisition.loop.loop import measure
 from drivers import ConfigError
@@ -91,8 +93,8 @@ def test_a_service_that_ends_while_a_person_is_asked_is_the_reason(
     work = stage.begin(scene)
     until(lambda: work.document["state"] == "paused")
     work.close()
-    until(lambda: work.document["state"] == "failed")
-    assert work.document["reason"] == SERVICE_ENDS
+    until(lambda: work.over)
+    assert (work.document["state"], work.document["reason"]) == ("paused", SERVICE_ENDS)
     assert not driven
 
 
@@ -160,7 +162,7 @@ def test_what_is_computed_ends_with_the_loop(stage: Stage, how: str) -> None:
     assert processes != [os.getpid()]
     work.stop("anybody") if how == "stop" else work.close()
     until(lambda: stage.book.lent_to is None)
-    ended = ("stopped", "Stopped on request.") if how == "stop" else ("failed", "The service was ended.")
+    ended = ("stopped", "Stopped on request.") if how == "stop" else ("paused", "The service was ended.")
     assert (work.document["state"], work.document["reason"]) == ended
     with pytest.raises(ProcessLookupError):
         os.kill(processes[0], 0)
@@ -222,6 +224,29 @@ def test_a_run_of_a_loop_that_is_finished_leads_on(stage: Stage, rests: bool) ->
         finish("the-loop-campaign2")
 
 
+def test_a_stop_that_meets_an_order_to_resume_wins(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two clients: one resumes while the other stops, just before the run is allowed to move again."""
+
+    def scene(equipment: Equipment, campaign: Campaign, folder: Path, say: Say) -> None:
+        measure(equipment, campaign, folder / "campaign1")
+
+    resume, calls = Run.resume, list[int]()
+
+    def met(run: Run, *args: Any, **more: Any) -> None:
+        assert work.stop("bert") == []
+        calls.append(stage.bench.calls)
+        resume(run, *args, **more)
+
+    stage.bench.faults[10] = lambda: stage.book.pause_all("anna", "Lunch.")
+    work = stage.begin(scene)
+    until(lambda: work.document["state"] == "paused")
+    monkeypatch.setattr(Run, "resume", met)
+    work.resume(LeaseDeadline("anna", 30.0, LeaseClock()))
+    until(lambda: stage.book.lent_to is None)
+    assert (work.document["state"], work.document["reason"]) == ("stopped", "Stopped on request.")
+    assert calls == [stage.bench.calls]
+
+
 def test_what_is_refused_and_what_breaks_stands_in_the_document(stage: Stage) -> None:
     def refuse(equipment: Equipment, campaign: Campaign, folder: Path, say: Say) -> None:
         raise ConfigError("no")
@@ -250,8 +275,26 @@ def test_the_end_of_the_service_ends_it(stage: Stage) -> None:
     stage.bench.faults[10] = end
     work = stage.begin(scene)
     until(lambda: stage.book.lent_to is None)
-    assert (work.document["state"], work.document["reason"]) == ("failed", "The service was ended.")
+    assert (work.document["state"], work.document["reason"]) == ("paused", "The service was ended.")
     assert stage.book.document("the-loop-campaign1")["state"] == "paused"
+
+
+def test_a_loop_for_which_the_disk_has_no_room_rests(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
+    full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    def scene(equipment: Equipment, campaign: Campaign, folder: Path, say: Say) -> None:
+        measure(equipment, campaign, folder / "campaign1")
+        raise full
+
+    def refuse(*_: Any) -> None:
+        raise full
+
+    stage.bench.faults[10] = lambda: monkeypatch.setattr(loop_work, "replace_file", refuse)
+    work = stage.begin(scene)
+    until(lambda: stage.book.lent_to is None)
+    assert (work.document["state"], work.document["problem"]["code"]) == ("paused", StorageError.code)
+    shown = stage.book.document("the-loop-campaign1")
+    assert (shown["state"], shown["done"]) == ("succeeded", shown["total"])
 
 
 def opened(stage: Stage, tmp_path: Path, **files: str) -> LoopStore:

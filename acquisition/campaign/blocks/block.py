@@ -19,7 +19,7 @@ import numpy as np
 from pydantic import BeforeValidator, PrivateAttr, ValidationInfo, model_validator
 
 from acquisition.cell.cell import Cell
-from acquisition.file_table import List, Once, OnlyInFiles, Table, Text, no_default, refused, told
+from acquisition.file_table import List, Once, Table, Text, no_default, refused, told
 from drivers.errors import ConfigError
 
 DECIMALS = 4  # a stock open_abb request carries four
@@ -279,9 +279,9 @@ class Block(Table):
     ] = False
     model: Annotated[
         Text | None,
-        OnlyInFiles(),
         told(
-            "A saved model beside the campaign: the real robot, by the model, takes the poses of this block.",
+            "A saved model: a file beside the campaign, or by HTTP the id of the job or loop that found it. The real "
+            "robot, by the model, takes the poses of this block.",
             "m.json",
         ),
     ] = None
@@ -294,6 +294,10 @@ class Block(Table):
         folder: Path | None = (info.context or {}).get("folder")
         self._model_file = None if self.model is None or folder is None else folder / self.model
         return self
+
+    def drive_through(self, file: Path) -> None:
+        """Use this file as that of `model`, which then is a name for it."""
+        self._model_file = file
 
     @property
     def model_file(self) -> Path | None:

@@ -40,7 +40,8 @@ def upload_campaign(
     content = toml.file.read()
 
     def work() -> JSONResponse:
-        kept = here.shelf.put(here.file_readers.call(_table, content), name)
+        table = here.file_readers.call(_table, content)
+        kept = here.shelf.put(table, name, here.models_of(table))
         return reply(201, kept, location=f"{CAMPAIGNS}/{kept['id']}")
 
     asked = (f"{CAMPAIGNS}/file", name, hashlib.sha256(content).hexdigest())

@@ -27,7 +27,7 @@ def create_campaign(here: Here, body: NewCampaign, idempotency_key: IdempotencyK
     """Keep a campaign, to be run by its id."""
 
     def work() -> JSONResponse:
-        kept = here.shelf.put(body.campaign, body.name)
+        kept = here.shelf.put(body.campaign, body.name, here.models_of(body.campaign))
         return reply(201, kept, location=f"{CAMPAIGNS}/{kept['id']}")
 
     return here.keys.once(idempotency_key, (CAMPAIGNS, body), work)

@@ -37,15 +37,17 @@ class Expected:
 FILE, PLAN = "dry_run.json", "plan.json"
 
 
-def planned(cell: Cell, table: Mapping[str, Any]) -> tuple[Campaign, list[Visit]]:
-    """Return the campaign in the body of a request, and its plan.
+def planned(
+    cell: Cell, table: Mapping[str, Any], models: Mapping[str, Path] | None = None
+) -> tuple[Campaign, list[Visit]]:
+    """Return the campaign in the body of a request, and its plan; `models` as in `campaign_of`.
 
     Raises
     ------
     ConfigError, UnsafePlan
         The campaign cannot be used, or its plan is unsafe.
     """
-    campaign = campaign_of(table)
+    campaign = campaign_of(table, models or {})
     return campaign, checked_plan(cell, campaign)
 
 
@@ -81,15 +83,22 @@ def readings_in(visits: Sequence[Visit]) -> int:
     return sum(len(visit.targets) for visit in visits if visit.counted)
 
 
-def keep(folder: Path, cell: Cell, table: Mapping[str, Any], name: str, simulated: bool) -> None:
-    """Check a campaign and write the result into a new folder.
+def keep(
+    folder: Path,
+    cell: Cell,
+    table: Mapping[str, Any],
+    name: str,
+    simulated: bool,
+    models: Mapping[str, Path],
+) -> None:
+    """Check a campaign and write the result into a new folder; `models` as in `campaign_of`.
 
     Raises
     ------
     ConfigError, UnsafePlan
         The campaign cannot be used, or its plan is unsafe.
     """
-    campaign, visits = planned(cell, table)
+    campaign, visits = planned(cell, table, models)
     total = readings_in(visits)
     plan = plan_of_campaign(cell, campaign, visits)
     folder.mkdir()

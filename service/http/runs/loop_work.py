@@ -4,8 +4,8 @@ It obeys orders between and within its runs. It lives in one thread, which has t
 (`RunManager.lend`). While the loop computes, its robot is at rest, and nothing else may move it. Long
 computations run in a separate worker process, which ends with the loop.
 
-While it is paused it keeps its knowledge and its clock, and continues at the same point. It does not outlive
-the service: its runs do, but the loop has to begin again.
+While it is paused it keeps its knowledge and its clock, and continues at the same point. If the service ends, or the
+disk is full, it rests without its thread: another execution then uses what is measured and computes the rest again.
 
 This module also has the status of a closed loop, as in `loop.json` and the interface.
 """
@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -31,6 +31,8 @@ from acquisition import (
     State,
     checked_plan,
 )
+from acquisition.campaign import Visit
+from acquisition.errors import StorageError
 from acquisition.loop import Compute, Equipment, LoopEnded, LoopResult, Say, close_loop, diagnosed
 from acquisition.record import DeviceAcceptance
 from acquisition.run import ON_REQUEST
@@ -42,7 +44,7 @@ from service.http.runs.run_manager import BEGIN_S, SERVICE_ENDS, RunManager
 from service.http.wire import problems
 from service.http.wire.problems import Problem
 from service.http.work.workers import Workers
-from service.refusals import REFUSALS
+from service.refusals import REFUSALS, of_disk
 
 ABOUT = "loop.json"
 FAULT = "A fault of this program has ended the loop; its runs are kept."
@@ -54,7 +56,8 @@ FITTED = ("campaign1", "campaign-follow-up")
 class LoopWork:
     """Execution of one closed loop. Thread-safe, except `__call__`.
 
-    `done` handles the result and returns the id of the data set.
+    `done` handles the result and returns the id of the data set. `accepted` is as in `resume`. With `over` it has
+    ended; if it is paused then, it can only be continued by another execution.
     """
 
     def __init__(
@@ -66,6 +69,7 @@ class LoopWork:
         devices: Devices,
         lease: LeaseDeadline,
         done: Callable[[Compute, LoopResult], str],
+        accepted: DeviceAcceptance | None = None,
     ) -> None:
         self._folder, self._book, self._lease, self._done = folder, book, lease, done
         self._worker = Workers(1, waiting=0)
@@ -75,7 +79,8 @@ class LoopWork:
         self._finished: Run | None = None  # while the loop rested in it
         self._pausing = ""  # why
         self._ending = ""
-        self._accepted: DeviceAcceptance | None = None  # by the client that resumed it last
+        self._accepted = accepted  # by the client that resumed it last
+        self.over = False
         self._simulated = status.simulated
         self._equipment = Equipment(
             cell,
@@ -85,6 +90,7 @@ class LoopWork:
             listen=self._listen,
             lease=lambda: self._lease,
             create=self._create,
+            place=lambda record: book.record_of(self._name_of(record)),
             resumed=self._resumed,
             compute=self._compute,
             diagnose=self._diagnose,
@@ -104,17 +110,22 @@ class LoopWork:
             dataset_id = self._done(self._compute, result)
             state, reason = State.SUCCEEDED, ""
         except LoopEnded as ended:
-            stopped = ended.outcome.state is State.STOPPED
-            state, reason = State.STOPPED if stopped else State.FAILED, str(ended)
-        except REFUSALS as error:
-            problem = problems.of_error(error)
+            state, reason = ended.outcome.state, str(ended)
+        except (*REFUSALS, OSError) as error:
+            refusal = of_disk(error) if isinstance(error, OSError) else error
+            state = State.PAUSED if isinstance(refusal, StorageError) else State.FAILED
+            problem = problems.of_error(refusal)
             reason = problem["detail"]
         except Problem as refusal:
             problem = problems.document(refusal.status_code, refusal.detail, refusal.do, refusal.code)
             reason = refusal.detail
         finally:
             self._worker.close()
-            if self._ending == STOPPED and state is State.FAILED:  # stopped before it had begun to move
+            self.over = True
+            if self._ending == STOPPED and state in (
+                State.FAILED,
+                State.PAUSED,
+            ):  # stopped before it had begun to move
                 state, reason, problem = State.STOPPED, STOPPED, None
             problem = problem or self._status.problem  # for which it rested
             self._update(run_id=None, state=state, reason=reason, problem=problem, dataset_id=dataset_id)
@@ -194,22 +205,31 @@ class LoopWork:
         by = self._rest(outcome.reason, outcome.error, lambda: self._finished is run)
         if by is not None and self._finished is not run:
             run.resume(by=by, accepted=self._accepted)
-        return by is not None
+        return by is not None and not self._ending  # a stop that came before that was of a run at rest
 
     @contextmanager
     def _create(self, record: Path, cell: Cell, campaign: Campaign, simulated: bool) -> Iterator[Run]:
-        name = f"{self._status.id}-{record.name.replace('_', '-')}"
+        name = self._name_of(record)
         title = f"{self._status.name}, {record.name.replace('_', ' ')}"
-        visits = self._compute(checked_plan, cell, campaign)
-        with self._book.run_of_loop(name, title, cell, (campaign, visits)) as run:
+
+        def plan() -> list[Visit]:
+            return self._compute(checked_plan, cell, campaign)
+
+        self._checkpoint()
+        with self._book.run_of_loop(name, title, cell, campaign, plan) as run:
             self._run = run
-            self._update(run_id=name, runs=(*self._status.runs, name))
+            self._update(run_id=name, runs=tuple(dict.fromkeys((*self._status.runs, name))))
             try:
-                self._checkpoint()  # an order that came meanwhile has seen no run
+                if run.status().state in (State.PAUSED.value, State.STOPPED.value):
+                    run.resume(by=self._lease.owner, accepted=self._accepted)
+                self._checkpoint()  # an order that came meanwhile has seen no run, or has been followed by that
                 yield run
             finally:
                 self._run = None
                 self._update(run_id=None)
+
+    def _name_of(self, record: Path) -> str:
+        return f"{self._status.id}-{record.name.replace('_', '-')}"
 
     def _listen(self, run: Run) -> Callable[[Event], None]:
         def hear(_: Event) -> None:
@@ -223,7 +243,10 @@ class LoopWork:
     def _update(self, **changes: Any) -> None:
         with self._changed:
             self._status = replace(self._status, version=self._status.version + 1, **changes)
-            replace_file(self._folder / ABOUT, as_json(self._status.as_dict()))
+            with suppress(
+                OSError
+            ):  # a full disk: another start of the service finds the loop cut off earlier
+                replace_file(self._folder / ABOUT, as_json(self._status.as_dict()))
             self._changed.notify_all()
 
     # -- from any thread ----------------------------------------------------------------------------------

@@ -1,28 +1,33 @@
 """Closed loops: measure, diagnose, follow up, correct, drive, verify.
 
 `RECORD/loops/ID/` has `loop.json` and the results. The campaigns of a loop are runs like any others
-(`RECORD/runs/ID-campaign1`). A loop that was cut off by the end of the service has failed; its runs come back
-paused.
+(`RECORD/runs/ID-campaign1`). `asked.json` has what the loop was begun with. A loop that was cut off by the end of the
+service is paused; nothing of it moves until it is resumed. Then finished campaigns are used as they are, an unfinished
+one goes on, and everything else is computed again.
 """
 
 from __future__ import annotations
 
 import shutil
+import threading
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 from acquisition import Campaign, Cell, Devices, LeaseDeadline, State
+from acquisition.campaign import campaign_of_record
 from acquisition.loop import Compute, LoopResult, check_loop
 from acquisition.record import DeviceAcceptance
 from calib.text import replace_file
 from drivers.errors import AcquisitionError
 from service.files import as_json
+from service.http.runs import errors
 from service.http.runs.dry_runs import Expected, readings_of
-from service.http.runs.loop_work import ABOUT, LoopStatus, LoopWork
-from service.http.runs.run_manager import RunManager
-from service.http.wire.bodies import LoopKept, ResponseBody
+from service.http.runs.loop_work import ABOUT, STOPPED, LoopStatus, LoopWork
+from service.http.runs.run_manager import FINISH_S, RunManager
+from service.http.wire.bodies import LoopAsked, LoopKept, ResponseBody
 from service.http.wire.paths import path_of
 from service.http.wire.problems import Problem, not_found
 from service.http.work.datasets import DatasetStore
@@ -36,7 +41,11 @@ from service.wording import counted
 
 _UNASKED = Expected()
 ENDED = (State.SUCCEEDED, State.FAILED, State.STOPPED)
+ASKED = "asked.json"
 CUT_OFF = "The service ended in mid-loop. Its runs are kept; begin a new loop to go through it whole."
+RESTS = (
+    "The service ended in mid-loop; nothing moves. What was measured is kept; resume the loop to continue."
+)
 
 
 class LoopStore:
@@ -55,10 +64,14 @@ class LoopStore:
         self._folder, self._book, self._datasets, self._workers = folder, book, datasets, workers
         self._open_devices, self._simulated = open_devices, simulated
         self._work: dict[str, LoopWork] = {}
+        self._beginning = threading.Lock()  # of two clients that continue one loop, one does
         folder.mkdir(parents=True, exist_ok=True)
         for document in readable(self.ids(), self._read):
             if State(document["state"]) not in ENDED:
-                self._write(document | _state(State.FAILED) | {"reason": CUT_OFF, "run_id": None})
+                state, reason = State.FAILED, CUT_OFF
+                if (folder / document["id"] / ASKED).is_file():
+                    state, reason = State.PAUSED, RESTS
+                self._write(document | _state(state) | {"reason": reason, "run_id": None})
 
     def ids(self) -> list[str]:
         """Return the ids of all loops, newest first."""
@@ -109,7 +122,11 @@ class LoopStore:
         """
         self._known(name)
         work = self._work.get(name)
-        return self._read(name)["version"] if work is None else work.wait(after, seconds)
+        if work is not None:
+            return work.wait(after, seconds)
+        if self._rests(name):
+            time.sleep(seconds)  # only an order changes it
+        return self._read(name)["version"]
 
     # -- making -------------------------------------------------------------------------------------------
 
@@ -151,20 +168,42 @@ class LoopStore:
         self._book.refuse_busy()
         devices = self._open_devices(cell)
         status = self._new(name or cell.name, State.RUNNING, expected)
+        folder = self._folder / status.id
+        asked = {"cell": cell.source, "campaign": campaign.source, "poses": poses}
+        replace_file(folder / ASKED, as_json(asked))
+        self._write(status.as_dict())
+        try:
+            self._begin(status, cell, devices, campaign, poses, lease)
+        except Problem:  # another was quicker
+            shutil.rmtree(folder)
+            raise
+        return status.id
+
+    def _begin(
+        self,
+        status: LoopStatus,
+        cell: Cell,
+        devices: Devices,
+        campaign: Campaign,
+        poses: int,
+        lease: LeaseDeadline,
+        accepted: DeviceAcceptance | None = None,
+    ) -> None:
         own, folder = status.id, self._folder / status.id
 
         def done(compute: Compute, result: LoopResult) -> str:
             compute(loop_results.write, result, folder)
             return compute(self._datasets.keep, result.data, status.name)["id"]
 
-        work = LoopWork(folder, status, self._book, cell, devices, lease, done)
+        work = LoopWork(folder, status, self._book, cell, devices, lease, done, accepted)
+        former, self._work[own] = self._work.get(own), work  # a stop reaches it from its first moment
         try:
             self._book.lend(own, lambda: work(campaign, poses))
-        except Problem:  # another was quicker
-            shutil.rmtree(folder)
+        except Problem:
+            self._work.pop(own)
+            if former is not None:
+                self._work[own] = former
             raise
-        self._work[own] = work
-        return own
 
     def _new(
         self, name: str, state: State, expected: Expected, *, dry_run: bool = False, reason: str = ""
@@ -186,7 +225,8 @@ class LoopStore:
         Problem
             404, or 409 if the loop has ended.
         """
-        self._going_on(name).pause(by)
+        if not self._rests(name):
+            self._going_on(name).pause(by)
 
     def pause_all(self, by: str, reason: str) -> None:
         """Pause the loop that has the robot, also between two of its runs."""
@@ -194,15 +234,54 @@ class LoopStore:
         if work is not None:
             work.pause(by, reason)
 
-    def resume(self, name: str, lease: LeaseDeadline, accepted: DeviceAcceptance | None) -> None:
-        """Resume a loop.
+    def resume(self, name: str, cell: Cell, lease: LeaseDeadline, accepted: DeviceAcceptance | None) -> None:
+        """Resume a loop, also one that was cut off; `cell` is the cell now.
 
         Raises
         ------
         Problem
-            404, or 409 if the loop is not paused.
+            404, or 409 if the loop is not paused, or is of another cell or other devices.
         """
-        self._going_on(name).resume(lease, accepted)
+        with self._beginning:
+            rests = self._rests(name)
+            if rests:
+                self._continue(name, cell, lease, accepted)
+        if not rests:
+            self._going_on(name).resume(lease, accepted)
+
+    def _rests(self, name: str) -> bool:
+        """Return whether a loop is paused without an execution."""
+        self._known(name)
+        work = self._work.get(name)
+        document = self._read(name) if work is None else work.document
+        return document["state"] == State.PAUSED.value and (work is None or work.over)
+
+    def _continue(
+        self, name: str, cell: Cell, lease: LeaseDeadline, accepted: DeviceAcceptance | None
+    ) -> None:
+        asked = read_kept(self._folder / name / ASKED, LoopAsked)
+        work = self._work.get(name)
+        document = self._read(name) if work is None else work.document
+        if asked["cell"] != cell.source:
+            raise errors.other_cell()
+        if document["simulated"] != self._simulated:
+            raise errors.other_devices(simulated=document["simulated"])
+        gone = [run for run in document["runs"] if not self._book.record_of(run).is_dir()]
+        if gone:
+            raise Problem(409, f"Its run {gone[0]} was deleted.", "Begin a new loop.", code=8110)
+        if self._book.lent_to == name:  # its thread is just ending
+            self._book.join(FINISH_S)
+        self._book.refuse_busy()
+        campaign = campaign_of_record(asked["campaign"], f"loops/{name}/{ASKED}")
+        known = {each.name: document[each.name] for each in fields(LoopStatus) if each.name in document}
+        known |= {"steps": tuple(known["steps"]), "runs": tuple(known["runs"])}
+        begun = LoopStatus(**known | {"state": State.RUNNING, "reason": "", "problem": None, "run_id": None})
+        devices = self._open_devices(cell)
+        try:
+            self._begin(begun, cell, devices, campaign, asked["poses"], lease, accepted)
+        except Problem:  # another was quicker
+            self._write(document)
+            raise
 
     def finish(self, run_id: str, lease: LeaseDeadline, by: str, reason: str) -> None:
         """Finish a run of the loop that has the robot; the loop goes on with its diagnosis.
@@ -226,7 +305,13 @@ class LoopStore:
         Problem
             404, or 409 if the loop has ended.
         """
-        return self._going_on(name).stop(by)
+        if not self._rests(name):
+            return self._going_on(name).stop(by)
+        work = self._work.pop(name, None)
+        document = self._read(name) if work is None else work.document
+        ended = {"reason": STOPPED, "problem": None, "version": document["version"] + 1}
+        self._write(document | _state(State.STOPPED) | ended)
+        return []
 
     def _going_on(self, name: str) -> LoopWork:
         self._known(name)

@@ -35,7 +35,7 @@ from acquisition import (
 from acquisition.campaign import Visit
 from acquisition.errors import RecordError, StorageError
 from acquisition.examination import Examination
-from acquisition.record import DeviceAcceptance
+from acquisition.record import DeviceAcceptance, is_begun
 from acquisition.run import NEVER_ASKED, ON_REQUEST, ROLES, DeviceCondition, KnownDevice
 from drivers.errors import AcquisitionError, LinkError, LinkLost
 from service.http.runs import dry_runs, errors
@@ -196,6 +196,10 @@ class RunManager:
                     self._runs[name] = run
             return run
 
+    def record_of(self, name: str) -> Path:
+        """Return the folder of a record with this name, whether or not there is one."""
+        return self._folder / name
+
     def path(self, name: str) -> Path:
         """Return the folder of a run's record.
 
@@ -205,7 +209,7 @@ class RunManager:
             404: there is no such run.
         """
         self._known(name)
-        return self._folder / name
+        return self.record_of(name)
 
     def _known(self, name: str) -> None:
         if name not in self._runs and (not safe_id(name) or not (self._folder / name).is_dir()):
@@ -213,8 +217,10 @@ class RunManager:
 
     # -- making and executing ----------------------------------------------------------------------------
 
-    def check(self, cell: Cell, table: Mapping[str, Any], name: str) -> str:
-        """Make a dry run: everything is checked, nothing is opened.
+    def check(
+        self, cell: Cell, table: Mapping[str, Any], name: str, models: Mapping[str, Path] | None = None
+    ) -> str:
+        """Make a dry run: everything is checked, nothing is opened; `models` as in `campaign_of`.
 
         Raises
         ------
@@ -222,7 +228,8 @@ class RunManager:
             The campaign cannot be used, or its plan is unsafe.
         """
         own = new_id()
-        self._workers.call(dry_runs.keep, self._folder / own, cell, table, name, self._simulated)
+        folder = self._folder / own
+        self._workers.call(dry_runs.keep, folder, cell, table, name, self._simulated, models or {})
         return own
 
     def start(self, cell: Cell, plan: tuple[Campaign, list[Visit]], name: str, lease: LeaseDeadline) -> str:
@@ -362,13 +369,15 @@ class RunManager:
 
     @contextmanager
     def run_of_loop(
-        self, name: str, title: str, cell: Cell, plan: tuple[Campaign, list[Visit]]
+        self, name: str, title: str, cell: Cell, campaign: Campaign, plan: Callable[[], list[Visit]]
     ) -> Iterator[Run]:
-        """Create a run of the loop that has the robot; it is listed and takes orders like any other."""
+        """Create a run of the loop that has the robot, or open it; it is listed and takes orders like any other."""
         execution = self._execution
         assert execution is not None
-        folder, (campaign, visits) = self._folder / name, plan
-        run = Run.create(folder, cell, campaign, simulated=self._simulated, name=title, visits=visits)
+        if is_begun(folder := self.record_of(name)):
+            run = self.get(name)
+        else:
+            run = Run.create(folder, cell, campaign, simulated=self._simulated, name=title, visits=plan())
         with self._mutex:
             self._runs[name] = run  # stays open: others look at it
             execution.begun.clear()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from acquisition import Campaign, campaign_from
@@ -21,8 +22,10 @@ from service.json_values import utc_text
 MOST_POSES = 5_000  # a plan is made before the answer; a night has some hundreds
 
 
-def campaign_of(table: Mapping[str, Any]) -> Campaign:
+def campaign_of(table: Mapping[str, Any], models: Mapping[str, Path] = MappingProxyType({})) -> Campaign:
     """Read a campaign from the body of a request.
+
+    `models` are the files of the models that its blocks may name.
 
     Raises
     ------
@@ -36,9 +39,10 @@ def campaign_of(table: Mapping[str, Any]) -> Campaign:
             continue
         if block.get("select") == "file":
             raise ConfigError("campaign, key 'block': select = 'file' reads files of the server; send a list")
-        if "model" in block:
+        if isinstance(model := block.get("model"), str) and model not in models:
             raise ConfigError(
-                "campaign, key 'block': model reads a file of the server; drive such a block with truepose campaign run"
+                f"campaign, key 'block': model = {model!r} cannot be used here; in a run it is the id of a job or loop "
+                "of this service that has found a model"
             )
         count += block["count"] if isinstance(block.get("count"), int) else 0
     if count > MOST_POSES:
@@ -46,7 +50,11 @@ def campaign_of(table: Mapping[str, Any]) -> Campaign:
             f"campaign, key 'block': has {count} poses, at most {MOST_POSES} are taken",
             what_to_do="Split the campaign.",
         )
-    return campaign_from(table, "campaign")
+    campaign = campaign_from(table, "campaign")
+    for each in campaign.blocks:
+        if each.model is not None:
+            each.drive_through(models[each.model])
+    return campaign
 
 
 def refuse_null(value: object, where: str) -> None:
@@ -82,15 +90,15 @@ class CampaignStore:
         self._folder = folder
         folder.mkdir(parents=True, exist_ok=True)
 
-    def put(self, table: Mapping[str, Any], name: str) -> dict[str, Any]:
-        """Keep a campaign.
+    def put(self, table: Mapping[str, Any], name: str, models: Mapping[str, Path]) -> dict[str, Any]:
+        """Keep a campaign; `models` as in `campaign_of`.
 
         Raises
         ------
         ConfigError
             The campaign cannot be used.
         """
-        campaign_of(table)
+        campaign_of(table, models)
         own = new_id()
         document = {"id": own, "name": name, "created_utc": utc_text(time.time()), "campaign": dict(table)}
         replace_file(self._folder / f"{own}.json", as_json(document))

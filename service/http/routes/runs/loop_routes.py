@@ -118,7 +118,8 @@ def resume_loop(
     def work() -> JSONResponse:
         here.loops.document(loop_id)
         here.let_move(
-            lease_id, lambda lease: here.loops.resume(loop_id, lease, acceptance(body, lease.owner))
+            lease_id,
+            lambda lease: here.loops.resume(loop_id, here.cell, lease, acceptance(body, lease.owner)),
         )
         return _accepted(here, loop_id)
 

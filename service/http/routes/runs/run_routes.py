@@ -51,11 +51,12 @@ def create_run(
     def work() -> JSONResponse:
         cell = here.cell
         table = here.shelf.get(body.campaign_id)["campaign"] if body.campaign_id else body.campaign
+        models = here.models_of(table)
         if body.dry_run:
-            return accepted(here, here.book.check(cell, table, body.name))
+            return accepted(here, here.book.check(cell, table, body.name, models))
         here.lease.needed(lease_id)
         here.book.need_robot()
-        plan = here.workers.call(planned, cell, table)
+        plan = here.workers.call(planned, cell, table, models)
 
         def begin(
             lease: LeaseDeadline,

@@ -56,6 +56,7 @@ from service.http.wire.bodies.requests import (
 from service.http.wire.bodies.runs import (
     EventKind,
     EventShown,
+    LoopAsked,
     LoopKept,
     LoopList,
     LoopShown,
@@ -95,6 +96,7 @@ __all__ = [
     "LeaseRequest",
     "LeaseShown",
     "LeaseTakeoverRequest",
+    "LoopAsked",
     "LoopKept",
     "LoopList",
     "LoopShown",

@@ -189,6 +189,14 @@ class LoopKept(ResponseBody):
     dry_run: DryRun
 
 
+class LoopAsked(ResponseBody):
+    """The members of the file that states what a closed loop was begun with."""
+
+    cell: str
+    campaign: str
+    poses: int
+
+
 class LoopShown(LoopKept):
     """A closed loop: `step` is its current step, `run` the current one of `runs`.
 
