@@ -165,6 +165,17 @@ def test_what_ends_it_where_nothing_moves_says_how_to_go_on(
     assert words in said
 
 
+def test_a_request_to_end_is_heard_also_in_a_diagnosis(
+    cell: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = signal.getsignal(signal.SIGTERM)
+    monkeypatch.setattr(calibrate, "examine", lambda *_, **__: SimpleNamespace(exit_code=0))
+    monkeypatch.setattr(calibrate, "close_loop", lambda *_, **__: signal.raise_signal(signal.SIGTERM))
+    assert main(["calibrate", str(cell), "--simulate", "--record", str(tmp_path / "out")]) == 130
+    assert "same command again" in capsys.readouterr().err
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
 def _descendants(pid: int) -> list[int]:
     threads = Path(f"/proc/{pid}/task").iterdir()
     children = [int(each) for task in threads for each in (task / "children").read_text("utf-8").split()]

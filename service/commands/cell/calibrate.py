@@ -9,6 +9,7 @@ before the first motion, and again before corrected targets are driven.
 from __future__ import annotations
 
 import math
+import signal
 import sys
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -133,6 +134,10 @@ def calibrate_command(
                 "a calibration moves the robot, and there is no person at this terminal to confirm it",
                 what_to_do="Start it at a terminal, or over HTTP with a lease: POST /api/v1/loops.",
             )
+        # Where no run hears it, it is as Ctrl-C: simulators and worker end, and the message says how to continue.
+        stack.callback(
+            signal.signal, signal.SIGTERM, signal.signal(signal.SIGTERM, signal.default_int_handler)
+        )
         if simulate:
             terminal.say("starting the simulators of the cell")
         simulators = stack.enter_context(simulated_cell(the_cell)) if simulate else None
