@@ -22,7 +22,7 @@ from acquisition.loop.loop import measure
 from drivers import ConfigError
 from service.http.runs import loop_work
 from service.http.runs.loop_work import ABOUT, LoopStatus, LoopWork
-from service.http.runs.loops import CUT_OFF, LoopStore
+from service.http.runs.loops import ASKED, CUT_OFF, RESTS, LoopStore
 from service.http.runs.run_manager import SERVICE_ENDS, RunManager
 from service.http.wire.problems import Problem
 from service.http.work import workers
@@ -297,12 +297,14 @@ def test_a_loop_for_which_the_disk_has_no_room_rests(stage: Stage, monkeypatch: 
     assert (shown["state"], shown["done"]) == ("succeeded", shown["total"])
 
 
-def opened(stage: Stage, tmp_path: Path, **files: str) -> LoopStore:
+def opened(stage: Stage, tmp_path: Path, asked: dict[str, Any] | None = None, **files: str) -> LoopStore:
     """The loops of a service that starts with these files, by the name of the loop."""
     for name, text in files.items():
         folder = tmp_path / "loops" / name.replace("_", "-")
         folder.mkdir(parents=True)
         (folder / ABOUT).write_text(text, "utf-8")
+        if asked is not None:
+            (folder / ASKED).write_text(json.dumps(asked), "utf-8")
     datasets, workers = DatasetStore(tmp_path / "datasets"), Workers(1, waiting=0)
     devices = devices_of(stage.bench)
     return LoopStore(tmp_path / "loops", stage.book, datasets, lambda _: devices, workers, simulated=True)
@@ -327,3 +329,68 @@ def test_a_loop_that_was_cut_off_has_failed(stage: Stage, tmp_path: Path) -> Non
         loops.stop("the-loop", "anna")
     with pytest.raises(Problem, match="no loop"):
         loops.document("another")
+
+
+def test_a_loop_that_was_cut_off_rests_and_can_be_stopped(stage: Stage, tmp_path: Path) -> None:
+    asked = {"cell": stage.bench.cell.source, "campaign": a_campaign(**QUICK).source, "poses": 1}
+    loops = opened(
+        stage, tmp_path, asked, the_loop=json.dumps(BEGUN.as_dict() | {"run_id": "the-loop-campaign1"})
+    )
+    shown = loops.document("the-loop")
+    assert (shown["state"], shown["reason"], shown["run"]) == ("paused", RESTS, None)
+    loops.pause("the-loop", "anna")
+    assert loops.stop("the-loop", "anna") == []
+    assert loops.document("the-loop")["state"] == "stopped"
+    with pytest.raises(Problem, match="has ended"):
+        loops.resume("the-loop", stage.bench.cell, LeaseDeadline("anna", 30.0, LeaseClock()), None)
+    assert stage.bench.calls == 0
+
+
+@pytest.mark.parametrize(
+    ("cell", "simulated", "runs", "words"),
+    [
+        ("another", True, (), "another cell file"),
+        ("", False, (), "measured on real devices"),
+        ("", True, ("the-loop-campaign1",), "was deleted"),
+    ],
+)
+def test_a_loop_that_cannot_go_on_says_why(
+    stage: Stage, tmp_path: Path, cell: str, simulated: bool, runs: tuple[str, ...], words: str
+) -> None:
+    asked = {"cell": cell or stage.bench.cell.source, "campaign": a_campaign(**QUICK).source, "poses": 1}
+    begun = replace(BEGUN, simulated=simulated, runs=runs)
+    loops = opened(stage, tmp_path, asked, the_loop=json.dumps(begun.as_dict()))
+    with pytest.raises(Problem, match=words):
+        loops.resume("the-loop", stage.bench.cell, LeaseDeadline("anna", 30.0, LeaseClock()), None)
+    assert loops.document("the-loop")["state"] == "paused"
+    assert stage.book.lent_to is None
+
+
+def test_of_two_clients_that_resume_a_loop_one_does(
+    stage: Stage, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = {"cell": stage.bench.cell.source, "campaign": a_campaign(**QUICK).source, "poses": 1}
+    loops = opened(stage, tmp_path, asked, the_loop=json.dumps(BEGUN.as_dict()))
+    both, played, refused = threading.Barrier(2), list[str](), list[Problem]()
+
+    def play(*_: Any, **__: Any) -> LoopResult:
+        played.append("once")
+        until(lambda: refused)
+        raise LoopEnded(ExecutionOutcome(State.STOPPED, "Enough."))
+
+    def resume(who: str) -> None:
+        both.wait(PATIENCE_S)
+        try:
+            loops.resume("the-loop", stage.bench.cell, LeaseDeadline(who, 30.0, LeaseClock()), None)
+        except Problem as problem:
+            refused.append(problem)
+
+    monkeypatch.setattr(loop_work, "close_loop", play)
+    clients = [threading.Thread(target=resume, args=(who,)) for who in ("anna", "bert")]
+    for each in clients:
+        each.start()
+    for each in clients:
+        each.join()
+    until(lambda: stage.book.lent_to is None)
+    assert (len(played), [each.status_code for each in refused]) == (1, [409])
+    assert loops.document("the-loop")["reason"] == "Enough."
