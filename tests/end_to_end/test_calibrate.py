@@ -19,6 +19,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+import typer
 
 from acquisition import Run, State, read_cell, read_status
 from acquisition.errors import StorageError
@@ -29,6 +30,7 @@ from service import wording
 from service.cli import main
 from service.commands.cell import calibrate
 from service.commands.cell.calibrate import created_or_continued
+from service.printed.terminal import Terminal
 from service.results.cell import loop_results
 from tests.drivers.waiting import PATIENCE_S, until
 from tests.end_to_end.simulated import ROOT, stepped_cell, truepose
@@ -163,6 +165,14 @@ def test_what_ends_it_where_nothing_moves_says_how_to_go_on(
     said = capsys.readouterr().err
     assert "same command again" in said
     assert words in said
+
+
+def test_a_question_that_is_broken_off_is_a_no(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken_off(*_: Any, **__: Any) -> bool:
+        raise typer.Abort
+
+    monkeypatch.setattr(typer, "confirm", broken_off)
+    assert calibrate.terminal_confirmation(Terminal())("moves") is False
 
 
 def test_a_request_to_end_is_heard_also_in_a_diagnosis(

@@ -12,7 +12,7 @@ import math
 import signal
 import sys
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -337,10 +337,13 @@ def created_or_continued(record: Path, cell: Cell, campaign: Campaign, simulated
 
 
 def terminal_confirmation(terminal: Terminal) -> Callable[[str], bool]:
-    """Return a function that asks the person at the terminal before a motion."""
+    """Return a function that asks the person at the terminal before a motion; Ctrl-C there means no."""
 
     def confirm(motion: str) -> bool:
         terminal.rest()
-        return typer.confirm(f"The robot {motion}. Is everybody clear of it, and may it move?", err=True)
+        with suppress(typer.Abort):
+            return typer.confirm(f"The robot {motion}. Is everybody clear of it, and may it move?", err=True)
+        terminal.note("")  # the line of the question ends
+        return False
 
     return confirm
