@@ -26,8 +26,8 @@ def safe_id(name: str) -> bool:
 def plain_name(given: str) -> str:
     """Turn the file name that a client sent into one that any system accepts.
 
-    The result has no folders and at most 80 characters; it is `file` if no character remains.
+    The result has no folders and at most 80 characters and 200 bytes; it is `file` if no character remains.
     """
     last = given.replace("\\", "/").rsplit("/", 1)[-1]
     kept = re.sub(r"[^\w. ()+-]", "_", last).strip(" .")
-    return kept[-80:].lstrip(" .") or "file"
+    return kept[-80:].encode()[-200:].decode(errors="ignore").lstrip(" .") or "file"

@@ -7,7 +7,7 @@ and `readings` applies it. `convert` makes a data set from files and a map.
 
 from calib.foreign.convert import Converted, converted, data_set_of
 from calib.foreign.map.map_file import Map, read_map, text_of
-from calib.foreign.meanings.assigned import ColumnFinding, ColumnQuestion
+from calib.foreign.meanings.assigned import ColumnFinding, ColumnQuestion, answers_of
 from calib.foreign.proposal.proposal import MapProposal, TableProposal, propose
 
 __all__ = [
@@ -17,6 +17,7 @@ __all__ = [
     "Map",
     "MapProposal",
     "TableProposal",
+    "answers_of",
     "converted",
     "data_set_of",
     "propose",

@@ -46,8 +46,33 @@ _BAD = {"nok", "invalid", "bad", "ungültig", "0", "false", "no", "nein", "nio",
         "rejected", "not measured", "fehler"}  # fmt: skip
 
 _OTHER_DEGREES = re.compile(r"(?:[\[(_\s/°]|deg)(?:f|k|fahrenheit|kelvin)\b", re.IGNORECASE)
+_OF_COLUMN = re.compile(r"\s*(?:\d\.)?column\.")
 _WARMEST_C = 60.0  # air temperature at which no one calibrates
 _SETS = {"calibration", "reference", "repeat", "validation"}
+
+
+def answers_of(texts: Sequence[str], where: str) -> dict[str, str]:
+    """Return answers `KEY=CHOICE` by key.
+
+    Parameters
+    ----------
+    texts : sequence of str
+        The answers. `column.NAME=CHOICE` is divided at its last `=`, which a name may hold, others at the first.
+    where : str
+        Option or field that held them, for the error.
+
+    Raises
+    ------
+    DataError
+        A text is no answer.
+    """
+    out = {}
+    for text in texts:
+        key, mark, choice = text.rpartition("=") if _OF_COLUMN.match(text) else text.partition("=")
+        if not mark or not key.strip() or not choice.strip():
+            raise DataError(f"{text!r} is no answer.", do="Write KEY=CHOICE.", file=where)
+        out[key.strip()] = choice.strip()
+    return out
 
 
 @dataclass(frozen=True)
@@ -106,6 +131,8 @@ class Assigned:
     found: dict[str, ColumnFinding] = field(default_factory=dict)
     questions: list[ColumnQuestion] = field(default_factory=list)
     keys: set[str] = field(default_factory=set)  # what may be answered
+    choices: tuple[str, ...] = ()  # what a column may be stated to be
+    lacking: list[str] = field(default_factory=list)  # quantities that no column is, after such statements
 
     def ask(self, question: ColumnQuestion) -> str:
         """Return the answer to a question; if there is none, add it to the open ones and return `?`.

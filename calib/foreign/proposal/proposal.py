@@ -16,6 +16,7 @@ Proposal of a map, with the findings about its columns and the open questions.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
@@ -167,6 +168,7 @@ def _proposed(
         missing.append("joint angles (J1 .. or Achse 1 .., one column a joint)")
     if not any(part.made.with_points for part in parts):
         missing.append("measured coordinates (X, Y, Z of an instrument)")
+    missing += [f"a column for {quantity}" for part in parts for quantity in part.lacking]
     if not answers.get("robot"):
         questions.append(
             ColumnQuestion("robot", "Which robot was measured (a built-in name, or a robot file)?", ())
@@ -179,6 +181,7 @@ def _proposed(
         missing=tuple(missing),
         said=tuple(said),
         keys=frozenset(_ALWAYS).union(*(part.keys for part in parts)),
+        choices=parts[0].choices,
     )
 
 
@@ -250,7 +253,7 @@ def _match(
         )
     if len(joints) != 1 or len(points) != 1:
         return UNDECIDED, 0.0, []
-    within = float(answers.get("within_s", 0.0) or 0.0)
+    within = _number(answers, "within_s", 0.0)
     if answers.get("match") in BY:
         return answers["match"], within, []
     counted = agreed = 0
@@ -310,6 +313,17 @@ def _key(part: Assigned) -> str:
     return part.columns.get("pose") or part.columns.get("id") or ""
 
 
+def _number(answers: Answers, key: str, usual: float) -> float:
+    """Parse a number that is answered; `usual` without an answer."""
+    text = answers.get(key)
+    if not text:
+        return usual
+    with suppress(ValueError):
+        if 0.0 < (value := float(text)) < np.inf:
+            return value
+    raise DataError(f"{key} = {text!r} is no number above 0.", do="Write it as 0.05.", key=key)
+
+
 def _header(parts: Sequence[Assigned], answers: Mapping[str, str], by: str) -> dict[str, Any]:
     """Build the header of the data set.
 
@@ -336,7 +350,7 @@ def _header(parts: Sequence[Assigned], answers: Mapping[str, str], by: str) -> d
         **({"measured_at_origin": any(at_origin)} if at_origin else {}),
         **({"joints": "read-back"} if any(part.read_back for part in parts) else {}),
         "model": {"fit": [*DEFAULT_GROUPS, "tool"]},
-        "noise": {"kind": "isotropic", "sigma_mm": float(answers.get("sigma_mm", ASSUMED_SIGMA_MM))},
+        "noise": {"kind": "isotropic", "sigma_mm": _number(answers, "sigma_mm", ASSUMED_SIGMA_MM)},
         "tool_targets": {name: [0.0, 0.0, 0.0] for name in dict.fromkeys(names)} or {"T1": [0.0, 0.0, 0.0]},
     }
 
@@ -534,6 +548,8 @@ class MapProposal:
         Remarks on how the files were read.
     keys : frozenset of str
         Keys of everything that may be answered.
+    choices : tuple of str
+        What a column may be stated to be, by an answer `column.NAME`.
     """
 
     made: Map
@@ -542,6 +558,7 @@ class MapProposal:
     missing: tuple[str, ...]
     said: tuple[str, ...]
     keys: frozenset[str]
+    choices: tuple[str, ...]
 
     @property
     def layouts(self) -> tuple[Layout, ...]:
@@ -552,3 +569,13 @@ class MapProposal:
     def complete(self) -> bool:
         """Whether the map can be used."""
         return not self.questions and not self.missing
+
+    def refuse_unknown(self, answers: Answers, where: str) -> None:
+        """Raise DataError for an answer that nothing asks; `where` is the option or field that held it."""
+        unknown = [key for key in answers if key not in self.keys]
+        if unknown:
+            raise DataError(
+                f"answers '{unknown[0]}', which nothing asks.",
+                do=f"Open are {', '.join(q.key for q in self.questions) or 'no questions'}.",
+                file=where,
+            )

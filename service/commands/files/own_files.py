@@ -17,7 +17,17 @@ import typer
 
 from calib.arm import built_in_robots, load_robot
 from calib.errors import DataError
-from calib.foreign import ColumnQuestion, Map, MapProposal, converted, data_set_of, propose, read_map, text_of
+from calib.foreign import (
+    ColumnQuestion,
+    Map,
+    MapProposal,
+    answers_of,
+    converted,
+    data_set_of,
+    propose,
+    read_map,
+    text_of,
+)
 from calib.text import replace_file
 from service import exit_codes
 from service.commands import options
@@ -103,11 +113,7 @@ class OwnFiles:
         """Return the answers of the command line."""
         given = {"robot": self.robot or "", "instrument": self.instrument or ""}
         given["sigma_mm"] = "" if self.sigma is None else repr(self.sigma)
-        for text in self.answers:
-            key, mark, choice = text.partition("=")
-            if not mark or not key.strip() or not choice.strip():
-                raise DataError(f"{text!r} is no answer.", do="Write KEY=CHOICE.", file="--answer")
-            given[key.strip()] = choice.strip()
+        given |= answers_of(self.answers, "--answer")
         return {key: value for key, value in given.items() if value}
 
     def _proposal(self, terminal: Terminal, *, asking: bool) -> MapProposal:
@@ -115,13 +121,7 @@ class OwnFiles:
         answers = self._given()
         asking = asking and sys.stdin is not None and sys.stdin.isatty() and sys.stdout.isatty()
         proposal = propose(self.files, answers, self.lines)
-        unknown = [key for key in answers if key not in proposal.keys]
-        if unknown:
-            raise DataError(
-                f"answers '{unknown[0]}', which nothing asks.",
-                do=f"Open are {', '.join(q.key for q in proposal.questions) or 'no questions'}.",
-                file="--answer",
-            )
+        proposal.refuse_unknown(answers, "--answer")
         while asking and proposal.questions and not proposal.missing:
             terminal.rest()
             # the robot first, then what it cannot decide: it may answer the others

@@ -14,14 +14,25 @@ from service.http.wire.bodies import (
     DatasetList,
     DatasetMapped,
     DatasetShown,
+    MapProposalShown,
 )
 from service.http.wire.headers import DatasetId, IdempotencyKey
 from service.http.wire.paths import path_of
 from service.http.work.idempotency import reply
+from service.http.work.proposals import proposed
 from service.kept_dataset import CSV, TOML
 
 router = APIRouter(route_class=JsonRoute, tags=["datasets"])
 DATASETS = path_of("datasets")
+ForeignFiles = Annotated[
+    list[UploadFile],
+    File(
+        description="The file of another program (text or .xlsx), or one with joints and one with points.",
+        min_length=1,
+        max_length=2,
+        examples=[["joints.txt", "points.csv"]],
+    ),
+]
 
 
 @router.post("/datasets", operation_id="uploadDataset", status_code=201, response_model=DatasetShown)
@@ -49,15 +60,7 @@ def upload_dataset(
 )
 def upload_mapped(
     here: Here,
-    files: Annotated[
-        list[UploadFile],
-        File(
-            description="The file of another program (text or .xlsx), or one with joints and one with points.",
-            min_length=1,
-            max_length=2,
-            examples=[["joints.txt", "points.csv"]],
-        ),
-    ],
+    files: ForeignFiles,
     map_file: Annotated[
         UploadFile,
         File(
@@ -81,6 +84,38 @@ def upload_mapped(
 
     hashes = [hashlib.sha256(part).hexdigest() for part in (*(content for _, content in given), text)]
     return here.keys.once(idempotency_key, (DATASETS, "mapped", name, *hashes), work)
+
+
+@router.post("/proposals", operation_id="proposeMap", response_model=MapProposalShown)
+def propose_map(
+    here: Here,
+    files: ForeignFiles,
+    robot: Annotated[
+        str,
+        Form(
+            max_length=200,
+            description="The built-in robot that was measured; empty: not known yet.",
+            examples=["ur5"],
+        ),
+    ] = "",
+    answer: Annotated[
+        list[str],
+        Form(
+            max_length=200,
+            description="Answers KEY=CHOICE, as --answer of the command; column.NAME=CHOICE says what a column is.",
+            examples=[["unit.points=mm", "column.Remark=leave"]],
+        ),
+    ] = [],  # noqa: B006 (FastAPI copies it)
+) -> Response:
+    """Propose a map for files of another program, and ask what they do not show.
+
+    Nothing is kept. Send the files again with answers until `complete` is true, then with `map_text` to
+    /datasets/mapped.
+    """
+    content = here.file_readers.call(
+        proposed, [(each.filename or "", each.file.read()) for each in files], robot, answer
+    )
+    return Response(content, media_type=JSONResponse.media_type)
 
 
 @router.get("/datasets", operation_id="listDatasets", response_model=DatasetList)

@@ -8,7 +8,6 @@ from __future__ import annotations
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import acquisition
@@ -17,6 +16,7 @@ from acquisition.record import DeviceAcceptance, export_together
 from service.http.wire.bodies import DatasetShown
 from service.http.wire.problems import Problem, not_found
 from service.http.work.deletions import DeletionLog, take_away
+from service.http.work.proposals import Sent, written
 from service.http.work.stored_documents import read_kept, readable
 from service.ids import plain_name, safe_id
 from service.kept_dataset import ABOUT, CSV, TOML, keep_dataset, refuse_path, refuse_paths
@@ -47,7 +47,7 @@ class DatasetStore:
 
         return keep_dataset(self._folder, write, name or "upload")
 
-    def upload_mapped(self, files: Sequence[tuple[str, bytes]], map_text: bytes, name: str) -> dict[str, Any]:
+    def upload_mapped(self, files: Sent, map_text: bytes, name: str) -> dict[str, Any]:
         """Keep the data set of foreign files (name, content) and their map.
 
         The document states how the robot fits them and how the files were converted.
@@ -65,15 +65,9 @@ class DatasetStore:
         told: dict[str, Any] = {}
 
         def write(folder: Path) -> None:
-            with TemporaryDirectory() as given:
-                map_path = Path(given) / MAP
-                map_path.write_bytes(map_text)
+            with written([(MAP, map_text), *files]) as (map_path, *paths):
                 made = read_map(map_path)
                 refuse_path(made.header.get("robot", ""), MAP)
-                paths = [Path(given) / str(i) / plain_name(each) for i, (each, _) in enumerate(files)]
-                for path, (_, content) in zip(paths, files, strict=True):
-                    path.parent.mkdir()
-                    path.write_bytes(content)
                 found = converted(made, paths, MAP, folder)
                 data_set_of(found.table, found.fit, folder / CSV, paths)
             found.table.write(folder / CSV)

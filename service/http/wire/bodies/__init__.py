@@ -14,6 +14,7 @@ from service.http.wire.bodies.cell import (
     DeviceList,
     Health,
     LeaseShown,
+    MapProposalShown,
 )
 from service.http.wire.bodies.deletions import DeletionList, DeletionShown
 from service.http.wire.bodies.fields import ProblemShown, ResponseBody
@@ -100,6 +101,7 @@ __all__ = [
     "LoopKept",
     "LoopList",
     "LoopShown",
+    "MapProposalShown",
     "ModelExport",
     "ModelShown",
     "NewCampaign",

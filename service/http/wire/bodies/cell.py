@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from acquisition.run import DeviceCondition
 from service.http.wire.bodies.fields import Created, Id, Name, ResponseBody, Simulated, told
 from service.results.common import Campaign
-from service.results.files.conversion import MappedFit
+from service.results.files.conversion import MappedFit, ProposalResult
 
 
 class Health(ResponseBody):
@@ -121,6 +121,37 @@ class DatasetMapped(DatasetShown):
 
     fit_of_robot: Annotated[MappedFit | None, told("Null: this cannot be said of these readings.", None)]
     said: Annotated[list[str], told("What was left aside or made of the files.", ["left aside: 'Remark'"])]
+
+
+class TablePreview(ResponseBody):
+    """The first rows of a table in a foreign file. The columns of a proposal are those of its tables, in order."""
+
+    file: Annotated[str, told("Name of the file.", "messung.csv")]
+    sheet: Annotated[str, told("Its sheet; empty: it has none.", "Tabelle1")]
+    prefix: Annotated[
+        str, told("What the key of an answer about it begins with: PREFIXcolumn.NAME=CHOICE.", "1.")
+    ]
+    names: Annotated[list[str], told("Names of the columns.", ["J1", "X [mm]"])]
+    lines: Annotated[list[int], told("Line numbers of these rows in the file, from 1.", [3, 4])]
+    rows: Annotated[
+        list[list[str]], told("The cells of the first rows; long ones are cut off.", [["12.5", "880.1"]])
+    ]
+    readings: Annotated[int, told("Number of rows with readings.", 120)]
+
+
+class MapProposalShown(ProposalResult):
+    """A proposed map of uploaded files, as `truepose convert` proposes it, and what a person answers it by."""
+
+    map_text: Annotated[
+        str,
+        told("The map as --propose writes it: complete, it goes to /datasets/mapped with the files.", "..."),
+    ]
+    tables: Annotated[list[TablePreview], told("The tables that were found.", [])]
+    choices: Annotated[
+        list[str],
+        told("What an answer may say that a column is; `leave` leaves it aside.", ["leave", "j1", "x"]),
+    ]
+    robots: Annotated[list[str], told("The robots that may be named.", ["abb-irb120"])]
 
 
 class Campaigns(ResponseBody):
