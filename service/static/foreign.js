@@ -10,8 +10,8 @@ import { KEYS, t } from "./words.js";
 const LARGEST_MB = 32;  // which the service takes at once; it cuts the connection of whoever sends more
 const SHOWN = 3, RADIOS = 6, HINTS = ["robot", "instrument", "sigma_mm"];
 // `files`; `answers` by key, and `good` those of the last proposal, `told`; `questions` that were asked, also when they are
-// answered; `turn`: the number of the last request, whose answer alone counts.
-let given = null;
+// answered; `turn`: the number of the last request, whose answer alone counts, and `done` that of the last answer.
+let given = null, turns = 0;
 signals.addEventListener("left", () => { given = null; });
 
 const plain = (file) => file.name.replace(/\.\w+$/, "");
@@ -24,7 +24,7 @@ export const begin = async (kind, dataset) => { location.hash = `#/diagnose/${(a
 const goesIn = async (path, files) => { const made = await upload(path, files); given = null; await begin("diagnoses", made.id); };
 
 async function propose() {
-  const mine = given, turn = (given.turn += 1), answer = [...given.answers].map(([each, value]) => `${each}=${value}`);
+  const mine = given, turn = (given.turn = turns += 1), answer = [...given.answers].map(([each, value]) => `${each}=${value}`);
   try {
     const told = await upload("/proposals", { files: given.files, answer });
     if (given !== mine || mine.turn !== turn) return;
@@ -32,7 +32,7 @@ async function propose() {
     Object.assign(given, { told, good: new Map(given.answers), done: turn });
   } catch (error) {
     if (given !== mine || mine.turn !== turn) return;
-    Object.assign(given, { answers: new Map(given.good), done: turn, undone: given.undone + 1 });
+    Object.assign(given, { answers: new Map(given.good), done: turn });
     throw error;
   }
 }
@@ -40,6 +40,7 @@ async function propose() {
 // The chooser of files, and the sheet of a proposal with its foot. `shown()`: whether it is a proposal that is to be seen.
 export function ownReadings(shown) {
   const sheet = h("div", { className: "cols c5-7", hidden: true }), foot = footBar(t("next")), busy = h("p", { className: "sub", role: "status", id: "reading-file" });
+  foot.firstChild.setAttribute("role", "status");
   const chooser = h("input", { type: "file", multiple: true, id: "readings", "aria-describedby": "readings-hint", on: { change: () => { take([...chooser.files]); chooser.value = ""; } } });
   const drop = h("label", { className: "drop", on: {
     dragover: (event) => { event.preventDefault(); drop.classList.add("over"); },
@@ -64,7 +65,7 @@ export function ownReadings(shown) {
     if (toml && !map && tables.length > 1) throw new Error(t("whichFiles"));
     if (map) { await goesIn("/datasets/mapped", { files: tables, map: toml, name: plain(tables[0]) }); return; }
     if (toml) { await goesIn("/datasets", { csv: tables[0], toml, name: plain(tables[0]) }); return; }
-    given = { files: tables, answers: new Map(), good: new Map(), questions: new Map(), told: null, turn: 0, done: 0, undone: 0 };
+    given = { files: tables, answers: new Map(), good: new Map(), questions: new Map(), told: null, turn: 0, done: 0, used: false };
     try { await propose(); }
     catch (error) { given = null; throw error; }
     show();
@@ -78,7 +79,12 @@ export function ownReadings(shown) {
     if (ofColumn(each)) for (const other of [...given.answers.keys()]) if (!ofColumn(other) && !HINTS.includes(other)) { given.answers.delete(other); given.questions.delete(other); }
     await propose();
   });
-  const use = () => work(() => goesIn("/datasets/mapped", { files: given.files, map: new Blob([given.told.map_text]), name: plain(given.files[0]) }));
+  const use = async () => {
+    const mine = given;
+    mine.used = true;  // pressed twice it is done once
+    await work(() => goesIn("/datasets/mapped", { files: mine.files, map: new Blob([mine.told.map_text]), name: plain(mine.files[0]) }));
+    mine.used = false; show();
+  };
   const cancel = () => { given = null; show(); chooser.focus(); };
 
   const options = (value, choices, props) => h("select", { ...props, on: { change: (event) => answer(props["data-name"], event.target.value) } },
@@ -123,11 +129,11 @@ export function ownReadings(shown) {
   }
 
   function show() {
-    const open = Boolean(given && given.told), waits = open && given.done !== given.turn;
+    const open = Boolean(given && given.told), waits = open && (given.used || given.done !== given.turn);
     sheet.hidden = !open;
     choose.hidden = open;
     shown(open);
-    if (open) fill(sheet, [given.turn === given.done && given.told, [...given.answers], given.undone, given.files.map((each) => each.name)], () => [h("div", { className: "stack" }, questions()), h("div", { className: "stack columns" }, tables())]);
+    if (open) fill(sheet, given.done, () => [h("div", { className: "stack" }, questions()), h("div", { className: "stack columns" }, tables())]);
     const state = !open ? "" : waits ? "waits" : given.told.missing.length ? "missing" : given.told.complete ? "ready" : "open";
     foot.set([state, open && given.told.questions.length], { "": "", waits: t("readingFile"), missing: t("missingFoot"), open: open ? t("openFoot", { n: given.told.questions.length }) : "", ready: t("useFoot") }[state], () => (!open ? [] :
       [button(t("cancel"), cancel, { id: "cancel-readings", kind: "quiet" }), button(t("useReadings"), use, { id: "use-readings", kind: "primary", ic: "arrow", disabled: state !== "ready" })]));

@@ -147,7 +147,7 @@ def test_a_column_is_said_to_be_another_and_a_refusal_is_undone(page: Page, tmp_
 def test_a_bad_cell_is_named_and_the_proposal_stays(service: Served, page: Page, tmp_path: Path) -> None:
     before = datasets(service)
     rows = grid(BODY)
-    rows[6][2] = "12.5.1"
+    rows[6][2] = "12.5x"
     proposed(page, save(tmp_path / "a.csv", named(HEAD, rows)))
     say(page, "robot", ROBOT)
     page.click("#use-readings")
