@@ -113,8 +113,9 @@ def identification(folder: Path, job: Mapping[str, Any]) -> None:
     if not job.get("save_anyway", False):
         refuse_worse(result.error_nominal, result.error_identified)
     sealed = save_model(folder / MODEL, result.found) if result.found.converged else None
-    replace_file(folder / REPORT, result.report(sealed))
-    replace_file(folder / RESULT, as_json(result.document()))
+    document = result.document()
+    replace_file(folder / REPORT, result.report(document, sealed))
+    replace_file(folder / RESULT, as_json(document))
 
 
 def regression(folder: Path, job: Mapping[str, Any]) -> None:

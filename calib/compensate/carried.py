@@ -29,7 +29,6 @@ from calib.model.model import ModelStructure, StatedConditions
 _SAMPLES = 1000
 _LEVER_MM = 100.0  # a turn of the flange counts as what it moves a tool of this length
 _STEPS = 4
-_STEP = 1e-5  # rad or mm, of differences
 _SEEN = 1e-3  # of the best seen direction: what is seen less stays as it is
 _AXES = np.eye(3)
 
@@ -131,21 +130,23 @@ def _projected(robot: Robot, joints: Array, poses: Array, start: dict[str, float
     The fit is by least squares from `start`. Positions and turns count, a turn by `_LEVER_MM`: without
     turns, a tool would lose accuracy that the flange gains.
     """
-
-    def off(changes: dict[str, float]) -> Array:
-        reached = poses_with(robot, joints, changes)
-        turned = np.cross(reached[:, :3, :3], poses[:, :3, :3], axis=1).sum(axis=2) / 2.0
-        return np.concatenate([(poses - reached)[:, :3, 3], _LEVER_MM * turned]).ravel()
-
-    values = dict(start)
+    slots, chain = tuple(start), Chain.of(robot)
+    changes = np.array([start[slot] for slot in slots])
     for _ in range(_STEPS):
-        here = off(values)
-        slopes = np.stack([here - off(values | {s: values[s] + _STEP}) for s in values], axis=1) / _STEP
+        values = changed(robot, joints, dict(zip(slots, changes.tolist(), strict=True)))
+        frames = propagate(chain, values, BasePoses(), record=slots)
+        # Columns r of the rotation reached and w of the wanted one differ by the turn sum(r x w) / 2
+        both = frames.rotation @ poses[:, :3, :3].transpose(0, 2, 1)
+        turned = np.cross(frames.rotation, poses[:, :3, :3], axis=1).sum(axis=2) / 2.0
+        off = np.concatenate([poses[:, :3, 3] - frames.p.T, _LEVER_MM * turned]).ravel()
+        turning = (np.trace(both, axis1=1, axis2=2)[:, None, None] * np.eye(3) - both) / 2.0
+        turns = np.einsum("nij,sjn->nis", turning, frames.turnings(slots), optimize=True)
+        moves = frames.velocities(slots).transpose(2, 1, 0)
+        slopes = np.concatenate([moves, _LEVER_MM * turns]).reshape(len(off), -1)
         scale = np.linalg.norm(slopes, axis=0)
         scale[scale == 0.0] = 1.0
-        step = np.linalg.lstsq(slopes / scale, here, rcond=_SEEN)[0] / scale
-        values = {slot: value + float(by) for (slot, value), by in zip(values.items(), step, strict=True)}
-    return values
+        changes = changes + np.linalg.lstsq(slopes / scale, off, rcond=_SEEN)[0] / scale
+    return dict(zip(slots, changes.tolist(), strict=True))
 
 
 def changed(robot: Robot, joints: Array, changes: dict[str, float]) -> dict[str, Array | float]:

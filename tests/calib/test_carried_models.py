@@ -140,6 +140,15 @@ def test_radius_contains_95_percent() -> None:
     assert expanded(np.eye(3)[None])[0] < 0.8 * radius_95(np.eye(3)[None])[0]
 
 
+def test_radius_of_uneven_spreads_is_exact() -> None:
+    """The chi-square distribution from which it is sought is off by up to 1 % of the radius there."""
+    rng = np.random.default_rng(5)
+    squares = rng.chisquare(1.0, size=(3, 2_000_000))
+    for variances in ((0.0, 0.05, 1.0), (0.02, 0.2, 1.0), (0.1, 0.1, 1.0), (0.3, 1.0, 1.0)):
+        drawn = np.quantile(np.array(variances) @ squares, 0.95) ** 0.5
+        assert radius_95(np.diag(variances)[None])[0] == pytest.approx(drawn, rel=1.5e-3)
+
+
 def test_u_grows_beyond_the_measured_range_and_not_within(saved: CalibratedModel) -> None:
     model = saved.model
     regressor = model.effects[-2].terms[0].regressor

@@ -343,8 +343,8 @@ CHANGES = (
     ),
     Change(
         "calib/compensate/carried.py",
-        "        turned = np.cross(reached[:, :3, :3], poses[:, :3, :3], axis=1).sum(axis=2) / 2.0\n",
-        "        turned = 0.0 * np.cross(reached[:, :3, :3], poses[:, :3, :3], axis=1).sum(axis=2)\n",
+        "_LEVER_MM = 100.0  #",
+        "_LEVER_MM = 0.0  #",
         "an exported flange stands in its place and is turned away",
         ("tests/service/test_export.py",),
     ),

@@ -71,7 +71,7 @@ def identify_command(
         sealed = save_model(model if fit_to_save else None, found) if named and found.converged else None
         if report is not None:
             terminal.say("drawing the report")
-            replace_file(report, result.report(sealed, stage, parties))
+            replace_file(report, result.report(document, sealed, stage, parties))
         if certificate is not None:
             certificate.write(dataset, document, document["parameters"], sealed)
         terminal.rest()

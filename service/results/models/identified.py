@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
@@ -196,6 +196,7 @@ class IdentificationReport:
 
     def report(
         self,
+        document: Mapping[str, Any],
         model_sha256: str | None,
         preliminary: CalibratedModel | None = None,
         parties: CertificateParties | None = None,
@@ -204,6 +205,8 @@ class IdentificationReport:
 
         Parameters
         ----------
+        document : mapping
+            The JSON of the result, as `document` builds it; the report contains a copy.
         model_sha256 : str or None
             Hash that `save_model` returned; None if the fit did not converge.
         preliminary : CalibratedModel, optional
@@ -214,6 +217,4 @@ class IdentificationReport:
         from service.report import identification_report  # drawing takes long to import
 
         models = (self.dataset, self.found, self.nominal, self.placed)
-        return identification_report(
-            *models, self.document(), self.acceptance, model_sha256, preliminary, parties
-        )
+        return identification_report(*models, document, self.acceptance, model_sha256, preliminary, parties)
