@@ -17,8 +17,8 @@ from acquisition.campaign.blocks.adaptive import BATCH, LEAST, first_of, pool_of
 from acquisition.campaign.campaign import FORMAT, Campaign, campaign_from
 from acquisition.campaign.plan import READING_S, SAMPLES_PER_S, site_of
 from acquisition.cell.cell import Cell
-from acquisition.run.adaptive import LOOK_BACK, block_of
-from calib.selection import least_bound
+from acquisition.run.adaptive import block_of
+from calib.selection import DECIDING, LEVEL, least_bound
 from drivers.errors import ConfigError
 
 VERIFICATION = 10  # new poses on which the correction is verified, each driven corrected and uncorrected
@@ -174,33 +174,32 @@ def outlook_of(cell: Cell, campaign: Campaign, *, poses: int = VERIFICATION) -> 
         float(np.median(seconds_to(cell, pool, home))) + campaign.settle_of(number).seconds + many * reading_s
     )
 
-    def limit_mm(count: int) -> float:
-        judged = min(max(count - first, BATCH), LOOK_BACK)
-        return least_bound(float(np.hypot(np.sqrt(design.variance), floor_mm)), 3 * many * judged)
+    def limit_mm(level: float) -> float:
+        judged = max(len(used) - first, BATCH)
+        return least_bound(float(np.hypot(np.sqrt(design.variance), floor_mm)), 3 * many * judged, level)
 
-    best_mm = least_bound(floor_mm, 3 * many * LOOK_BACK)
+    best_mm = least_bound(floor_mm, 3 * many * max(block.most - first, BATCH), DECIDING)
     if best_mm > block.accuracy_mm:
         raise ConfigError(
             f"an accuracy of {block.accuracy_mm:g} mm cannot be reached in this cell: noise of the instrument and "
-            f"repeatability of the robot alone are {floor_mm:.3f} mm in every reading, {best_mm:.3f} mm with 95 % "
-            "confidence",
+            f"repeatability of the robot alone are {floor_mm:.3f} mm in every reading, and {block.most} poses can show "
+            f"{best_mm:.3f} mm with 95 % confidence",
             what_to_do=f"Give {np.ceil(1000.0 * best_mm) / 1000.0:g} mm or more, or measure more accurately.",
         )
-    while len(used) < LEAST or (limit_mm(len(used)) > block.accuracy_mm and len(used) + BATCH <= block.most):
+    while len(used) < LEAST or (limit_mm(DECIDING) > block.accuracy_mm and len(used) + BATCH <= block.most):
         more, design = design.best(BATCH, used)
         used += more
-    reached = limit_mm(len(used))
     warm_s = _WARM_UP["over"] * _WARM_UP["every_s"]
     nests_s = 2 * _NEST_S * len(cell.nests)
     return Outlook(
         wanted_mm=block.accuracy_mm,
-        poses=len(used) if reached <= block.accuracy_mm else None,
+        poses=len(used) if limit_mm(DECIDING) <= block.accuracy_mm else None,
         most=block.most,
         targets=many,
         warm_up_minutes=warm_s / 60.0,
         measuring_minutes=(nests_s + len(used) * pose_s) / 60.0,
         verification_minutes=(nests_s + 2 * poses * pose_s) / 60.0,
         least_minutes=(warm_s + nests_s + LEAST * pose_s) / 60.0,
-        limit_mm=reached,
+        limit_mm=limit_mm(LEVEL),
         floor_mm=floor_mm,
     )

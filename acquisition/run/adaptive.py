@@ -7,9 +7,14 @@ poses. It is made beside the measurement: it begins with the last visit of a bat
 batch is checked like a whole plan before it joins the record. Everything that a look finds is an event `accuracy`.
 
 The block ends when `LEAST` poses are measured, the upper limit of the RMS error over the zone is below the wanted one,
-and the diagnosis does not find more noise than declared; or when ten more poses would gain less than 1 %; or when its
-time is up. If a pattern remains that no cause explains, the readings chosen for the fit do not show it as readings
-anywhere in the zone would: then only poses that were drawn at random count for the limit. Lengths mm, times s.
+and the diagnosis does not find more noise than declared; or when its time is up, or its poses are. Near the floor the
+limit still falls when the model is long known, because more misses tell more of the error. So ten more poses that would
+gain the model less than 1 % end the block only if all poses that may follow would not bring the limit below the wanted
+accuracy, even were the error as small as the misses allow.
+
+The limit rests on the visits that a model with the same effects as now predicted; until there are any, on the last
+ones. If a pattern remains that no cause explains, the readings chosen for the fit do not show it as readings anywhere
+in the zone would: then only poses that were drawn at random count. Lengths mm, times s.
 """
 
 from __future__ import annotations
@@ -23,6 +28,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import chdtri
 
 from acquisition.campaign.blocks.adaptive import (
     BATCH,
@@ -54,16 +60,24 @@ from calib.data import Dataset
 from calib.errors import DataError
 from calib.fit import IdentificationFit
 from calib.model import StatedConditions
-from calib.selection import Design, WorkingZone, bound, expected_rms, misses
+from calib.selection import (
+    DECIDING,
+    LEVEL,
+    Design,
+    WorkingZone,
+    bound,
+    declared_covariance,
+    expected_rms,
+    misses,
+)
 from drivers.errors import AcquisitionError
 
 if TYPE_CHECKING:
     from calib.diagnose import DiagnosisFit
 
-LOOK_BACK = 15  # visits, predicted before they were used, on which a bound rests
+_LOOK_BACK = 15  # visits on which a bound rests while the model as it is now has predicted none
 MORE, WORTH = 10, 0.01  # so many more poses must lower the expected error by this share
 SETTLED = 30  # poses after which the noise that was found is believed
-_USUAL_RATIO = 1.1  # of the limit to the error that is expected
 _LOOK_EVERY_S = 0.02  # on the wall, at a computation
 _UNEXPLAINED = "unexplained"
 _NOISY = "excess_noise"
@@ -71,12 +85,13 @@ _NOISY = "excess_noise"
 
 @dataclass(frozen=True)
 class Miss:
-    """By how much a visit missed its prediction: as in `calib.selection.Misses`."""
+    """By how much a visit missed its prediction: as in `calib.selection.Misses`; `effects` were in the model."""
 
     visit: int
     square: float
     numbers: int
     drawn: bool
+    effects: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -91,6 +106,8 @@ class Accuracy:
         Time since the campaign began, to which the figures refer; without pauses.
     rms_mm, bound_mm
         RMS error of a reading in the zone, and its upper limit (95 %); None before a visit was predicted.
+    deciding_mm
+        Its upper limit with 95 % confidence in all looks together, which ends the block.
     floor_mm
         RMS of noise and repeatability, which no calibration lowers; None before the first diagnosis, as `rms_mm`.
     verdict
@@ -110,6 +127,7 @@ class Accuracy:
     minutes: float
     rms_mm: float | None = None
     bound_mm: float | None = None
+    deciding_mm: float | None = None
     floor_mm: float | None = None
     verdict: str = ""
     reached: bool = False
@@ -175,73 +193,153 @@ def look(sight: Sight, pool: Pool) -> Look:
         return _unjudged(sight, pool, poses)
     final = now.final
     rows, zone, expected_mm = _seen(sight, pool, final)
-    design = Design(rows, zone.spread, final.covariance / max(final.noise_scale, 1.0) ** 2)
-    seen = [*sight.judged, *fresh]
-    if now.verdict == _UNEXPLAINED:
-        seen = [miss for miss in seen if miss.drawn]
-    seen = seen[-LOOK_BACK:]
-    rms_mm = bound_mm = None
-    if seen:
-        squares, numbers = np.array([miss.square for miss in seen]), np.array([miss.numbers for miss in seen])
-        rms_mm, bound_mm = bound(expected_mm, squares, numbers)
-    scale = max(final.noise_scale, 1.0)
+    design = Design(rows, zone.spread, declared_covariance(final))
+    evidence = MissesThatCount.of(
+        [*sight.judged, *fresh],
+        _effects_of(final),
+        len(sight.site.targets),
+        drawn_only=now.verdict == _UNEXPLAINED,
+    )
+    rms_mm = bound_mm = deciding_mm = None
+    if evidence.freedom:
+        rms_mm, bound_mm = evidence.limits_mm(expected_mm, LEVEL)
+        _, deciding_mm = evidence.limits_mm(expected_mm, DECIDING)
     judged = Accuracy(
         wanted_mm=block.accuracy_mm,
         poses=poses,
         minutes=round(sight.elapsed_s / 60.0, 2),
         rms_mm=rms_mm,
         bound_mm=bound_mm,
-        floor_mm=zone.floor_mm * scale,
+        deciding_mm=deciding_mm,
+        floor_mm=zone.floor_mm * max(final.noise_scale, 1.0),
         verdict=now.verdict,
         reached=(
-            bound_mm is not None
+            deciding_mm is not None
             and poses >= LEAST
-            and bound_mm <= block.accuracy_mm
+            and deciding_mm <= block.accuracy_mm
             and now.verdict != _NOISY
         ),
         misses=tuple(fresh),
     )
-    settled = poses >= SETTLED and now.causes_known
-    ratio = _USUAL_RATIO if bound_mm is None else bound_mm / expected_mm
-    return _next(sight, pool, judged, design, scale, ratio, settled=settled)
+    known_mm = 0.0
+    if poses >= SETTLED and now.causes_known:
+        freedom = final.degrees_of_freedom
+        _, known_mm = bound(
+            zone.floor_mm, np.array([final.noise_scale**2 * freedom]), np.array([freedom]), 1.0 - DECIDING
+        )
+    return _next(sight, pool, judged, design, evidence, zone.floor_mm, known_mm)
 
 
 def _unjudged(sight: Sight, pool: Pool, poses: int) -> Look:
     """Choose the next batch while the readings do not determine a model."""
-    _, design, _ = first_of(sight.site, pool)
+    _, design, floor_mm = first_of(sight.site, pool)
     judged = Accuracy(sight.block.accuracy_mm, poses, round(sight.elapsed_s / 60.0, 2))
-    return _next(sight, pool, judged, design, 1.0, _USUAL_RATIO, settled=False)
+    evidence = MissesThatCount.of([], (), len(sight.site.targets))
+    return _next(sight, pool, judged, design, evidence, floor_mm, 0.0)
+
+
+def _effects_of(found: IdentificationFit) -> tuple[str, ...]:
+    """Return the labels of the effects in a model, by which misses of the same model are known."""
+    return tuple(sorted(effect.label for effect in found.model.effects))
+
+
+@dataclass(frozen=True)
+class MissesThatCount:
+    """The misses that tell how accurate the model is as it is now.
+
+    Attributes
+    ----------
+    square : array of shape (v,)
+        Squared standardised distances.
+    numbers : array of int, shape (v,)
+        Their degrees of freedom.
+    per_pose : float
+        Numbers that a further pose adds to those.
+    """
+
+    square: Array
+    numbers: NDArray[np.int64]
+    per_pose: float
+
+    @staticmethod
+    def of(
+        judged: Sequence[Miss], effects: tuple[str, ...], targets: int, *, drawn_only: bool = False
+    ) -> MissesThatCount:
+        """Choose the misses that count for a model with these effects, in poses with so many targets."""
+        seen = [miss for miss in judged if miss.drawn or not drawn_only]
+        seen = [miss for miss in seen if miss.effects == effects] or seen[-_LOOK_BACK:]
+        return MissesThatCount(
+            np.array([miss.square for miss in seen]),
+            np.array([miss.numbers for miss in seen], dtype=np.int64),
+            3.0 * targets * (DRAWN / BATCH if drawn_only else 1.0),
+        )
+
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom of all misses."""
+        return int(self.numbers.sum())
+
+    def limits_mm(self, expected_mm: float, level: float) -> tuple[float, float]:
+        """Return the RMS error over the zone and its upper limit at a level."""
+        return bound(expected_mm, self.square, self.numbers, level)
+
+    def later_mm(self, expected_mm: float, poses: int, *, hopeful: bool = False) -> float:
+        """Return the limit that decides after more poses, if their misses are like those so far.
+
+        With `hopeful`, they are as small as those so far allow.
+        """
+        seen, freedom = float(self.square.sum()), self.freedom
+        scale = 1.0
+        if freedom:
+            scale = seen / float(chdtri(freedom, 1.0 - DECIDING)) if hopeful else max(seen / freedom, 1.0)
+        numbers = freedom + max(round(poses * self.per_pose), 1)
+        return bound(expected_mm, np.array([scale * numbers]), np.array([numbers]), DECIDING)[1]
 
 
 def _next(
-    sight: Sight, pool: Pool, judged: Accuracy, design: Design, scale: float, ratio: float, *, settled: bool
+    sight: Sight,
+    pool: Pool,
+    judged: Accuracy,
+    design: Design,
+    evidence: MissesThatCount,
+    floor_mm: float,
+    known_mm: float,
 ) -> Look:
     """End the block, or choose its next batch.
 
-    `scale` is the noise that was found in units of the declared one, `ratio` the limit of the error in units of the
-    expected one; with `settled`, both are believed.
+    `floor_mm` is the RMS of noise and repeatability in one reading as declared, `known_mm` what it
+    is at least, as far as that is known.
     """
-    floor_mm = judged.floor_mm or 0.0
+    block = sight.block
 
     def expected_mm(design: Design) -> float:
-        return float(np.sqrt(design.variance * scale**2 + floor_mm**2))
+        return float(np.hypot(np.sqrt(design.variance), floor_mm))
 
     taken = [i for i, pose in enumerate(pool.candidates) if pose.joints_deg in sight.taken]
     pose_s = float(np.median(seconds_to(sight.site.cell, pool, sight.here_deg))) + rest_s(sight)
-    ended = _ending(sight, judged, pose_s, settled=settled)
+    may_follow = max(block.most - len(sight.taken), 0)
+    if block.minutes is not None:
+        may_follow = min(may_follow, max(int((60.0 * block.minutes - sight.elapsed_s) / pose_s), 0))
+    ended = _ending(sight, judged, pose_s, known_mm)
     if not ended and judged.bound_mm is not None and judged.poses >= LEAST:
-        later = design.best(MORE, taken)[1]
-        if expected_mm(later) > (1.0 - WORTH) * expected_mm(design):
-            ended = f"{MORE} more poses would lower the expected error by less than {WORTH:.0%}."
+        later = expected_mm(design.best(MORE, taken)[1])
+        best_mm = evidence.later_mm(later, may_follow, hopeful=True)
+        if later > (1.0 - WORTH) * expected_mm(design) and best_mm > block.accuracy_mm:
+            ended = (
+                f"{block.accuracy_mm:g} mm cannot be reached: {MORE} more poses would lower the expected error by less "
+                f"than {WORTH:.0%}, and {may_follow} would at best show {best_mm:.3f} mm. Noise and repeatability "
+                f"alone are {judged.floor_mm:.3f} mm in every reading."
+            )
     if not ended and pool.drawn - sum(i < pool.drawn for i in taken) < BATCH:
         ended = "No further poses are left: table, boxes and joint limits leave few in this cell."
     if ended:
         return Look(replace(judged, ended=ended, poses_left=0, minutes_left=0.0))
     left, used, later = None, list(taken), design
-    for count in range(BATCH, max(sight.block.most - len(sight.taken), 0) + 1, BATCH):
+    for count in range(BATCH, may_follow + 1, BATCH):
         more, later = later.best(BATCH, used)
         used += more
-        if judged.poses + count >= LEAST and ratio * expected_mm(later) <= judged.wanted_mm:
+        enough = judged.poses + count >= LEAST
+        if enough and evidence.later_mm(expected_mm(later), count) <= block.accuracy_mm:
             left = count
             break
     chosen, drawn = _batch(sight, pool, design, taken)
@@ -266,8 +364,9 @@ def _diagnosed(sight: Sight) -> tuple[DiagnosisFit, list[Miss]]:
         return now, []
     found = misses(before.final, earlier, rows)
     visit_of_reading = dict(zip(dataset.reading_id, sight.visit.tolist(), strict=True))
+    effects = _effects_of(before.final)
     return now, [
-        Miss(visit, float(square), int(numbers), visit in sight.drawn)
+        Miss(visit, float(square), int(numbers), visit in sight.drawn, effects)
         for visit, square, numbers in zip(
             (visit_of_reading[reading] for reading in found.reading), found.square, found.numbers, strict=True
         )
@@ -300,8 +399,8 @@ def rest_s(sight: Sight) -> float:
     return sight.settle_s + len(sight.site.targets) * (READING_S + sight.samples / SAMPLES_PER_S)
 
 
-def _ending(sight: Sight, judged: Accuracy, pose_s: float, *, settled: bool) -> str:
-    """Return why the block ends, or an empty text; `settled` as in `_next`."""
+def _ending(sight: Sight, judged: Accuracy, pose_s: float, known_mm: float) -> str:
+    """Return why the block ends, or an empty text; `known_mm` as in `_next`."""
     block = sight.block
     if judged.reached:
         return (
@@ -312,7 +411,7 @@ def _ending(sight: Sight, judged: Accuracy, pose_s: float, *, settled: bool) -> 
         return f"The time is up: {block.minutes:g} minutes were given."
     if len(sight.taken) + BATCH > block.most:
         return f"The largest number of poses is reached: {block.most}."
-    if settled and judged.floor_mm is not None and judged.floor_mm > block.accuracy_mm:
+    if judged.floor_mm is not None and known_mm > block.accuracy_mm:
         return (
             f"{block.accuracy_mm:g} mm cannot be reached: noise and repeatability alone are {judged.floor_mm:.3f} mm "
             "in every reading."
@@ -386,7 +485,9 @@ def look_at(record_dir: Path) -> Found:
         visit=np.where(np.isin(visit, [each.number for each in own]) & dataset.usable, visit, -1),
         added=frozenset(each for batch in batches for each in batch["visits"]),
         drawn=frozenset(each for batch in batches for each in batch["drawn"]),
-        judged=tuple(Miss(**miss) for each in looks for miss in each["misses"]),
+        judged=tuple(
+            Miss(**miss | {"effects": tuple(miss["effects"])}) for each in looks for miss in each["misses"]
+        ),
         taken=frozenset(each.joints_deg for each in own),
         here_deg=np.array(plan[-1].joints_deg),
         elapsed_s=elapsed_s,

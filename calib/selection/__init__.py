@@ -16,10 +16,13 @@ from calib.selection.exchange import select
 from calib.selection.information import Candidates, Setup, candidates_of
 from calib.selection.lengths import Balls, Lengths, uncertainty_of
 from calib.selection.sequential import (
+    DECIDING,
+    LEVEL,
     Design,
     Misses,
     WorkingZone,
     bound,
+    declared_covariance,
     expected_rms,
     least_bound,
     misses,
@@ -29,6 +32,8 @@ from calib.selection.sequential import (
 )
 
 __all__ = [
+    "DECIDING",
+    "LEVEL",
     "SHARE",
     "STEP",
     "WORTH",
@@ -47,6 +52,7 @@ __all__ = [
     "candidates_of",
     "choose",
     "curve_of",
+    "declared_covariance",
     "expected_rms",
     "least_bound",
     "misses",

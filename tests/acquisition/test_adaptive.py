@@ -18,7 +18,7 @@ from acquisition.errors import UnsafePlan
 from acquisition.loop import calibration_campaign
 from acquisition.record import Event, RecordStore
 from acquisition.run import adaptive
-from acquisition.run.adaptive import look_at
+from acquisition.run.adaptive import Miss, MissesThatCount, look_at
 from acquisition.run.duration import at_once
 from drivers import ConfigError
 from tests.acquisition.fakes import Bench, Crash, JumpingClock, a_cell, devices_of
@@ -199,6 +199,51 @@ def test_a_cell_that_leaves_few_poses_ends_before_one_is_driven_twice(
     assert "No further poses" in reached["ended"]
     poses = [each.joints_deg for each in plan_of(tmp_path / "record") if each.kind == "pose"]
     assert len(set(poses)) == len(poses)
+
+
+def test_what_the_model_no_longer_gains_more_poses_may_still_show(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Near the floor the limit falls with the number of misses, long after the model is known."""
+    monkeypatch.setattr(adaptive, "WORTH", 1.0)  # whatever ten more poses gain is too little
+    with measured(tmp_path / "shown", a_campaign(accuracy_mm=0.0435)) as run:
+        shown = run.status().accuracy
+    with measured(tmp_path / "below", a_campaign(accuracy_mm=0.03)) as run:
+        below = run.status().accuracy
+    assert shown is not None
+    assert below is not None
+    assert shown["reached"]
+    assert shown["deciding_mm"] <= 0.0435
+    assert len([each for each in shown["history"] if each["poses"] >= 15]) > 1
+    assert not below["reached"]
+    assert below["poses"] < 20
+    assert f"{below['floor_mm']:.3f} mm" in below["ended"]
+
+
+def some_misses(effects: tuple[str, ...], square: float, count: int, *, drawn: bool = False) -> list[Miss]:
+    return [Miss(i, square, 9, drawn, effects) for i in range(count)]
+
+
+def test_what_another_model_missed_does_not_count_once_the_present_one_has_predicted() -> None:
+    before, since = some_misses((), 90.0, 20), some_misses(("backlash:j2",), 9.0, 5)
+    judged = MissesThatCount.of([*before, *since], ("backlash:j2",), targets=3)
+    assert judged.freedom == 45
+    assert judged.limits_mm(0.04, 0.95)[0] == pytest.approx(0.04)
+    assert MissesThatCount.of(before, ("backlash:j2",), targets=3).limits_mm(0.04, 0.95)[0] > 0.1
+    drawn = MissesThatCount.of(
+        [*since, *some_misses(("backlash:j2",), 9.0, 2, drawn=True)], (), 3, drawn_only=True
+    )
+    assert drawn.freedom == 18
+
+
+def test_more_poses_bring_the_limit_down_and_hope_is_no_less() -> None:
+    judged = MissesThatCount.of(some_misses((), 10.0, 20), (), targets=3)
+    later = [judged.later_mm(0.04, count) for count in (5, 20, 80)]
+    assert later == sorted(later, reverse=True)
+    assert later[0] < judged.limits_mm(0.04, adaptive.DECIDING)[1]
+    assert 0.04 < judged.later_mm(0.04, 20, hopeful=True) < later[1]
+    unjudged = MissesThatCount.of([], (), targets=3)
+    assert unjudged.later_mm(0.04, 5) > unjudged.later_mm(0.04, 20) > 0.04
 
 
 def test_the_time_is_kept(tmp_path: Path) -> None:

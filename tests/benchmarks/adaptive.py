@@ -72,7 +72,7 @@ class Seen:
 
     def claims(self, wanted_mm: float) -> bool:
         """Whether the campaign would end here because this accuracy is reached."""
-        limit = self.judged.bound_mm
+        limit = self.judged.deciding_mm
         known = self.judged.verdict != "excess_noise" and limit is not None
         return known and self.judged.poses >= LEAST and (limit or 0.0) <= wanted_mm
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from calib.fit import identify
-from calib.selection import Design, bound, least_bound, misses
+from calib.selection import DECIDING, LEVEL, Design, bound, least_bound, misses
 from tests.benchmarks.adaptive import Arm
 
 
@@ -50,6 +50,21 @@ def test_the_limit_holds_as_often_as_it_says() -> None:
     assert np.mean(limits >= true * 0.05) == pytest.approx(0.95, abs=0.012)
     middle = np.median([bound(0.05, each, numbers)[0] for each in square])
     assert middle == pytest.approx(true * 0.05, rel=0.01)
+
+
+@pytest.mark.parametrize(("level", "least", "most"), [(LEVEL, 0.15, 0.3), (DECIDING, 0.03, 0.075)])
+def test_repeated_looks_deceive_seldom_at_the_level_that_decides(
+    level: float, least: float, most: float
+) -> None:
+    """The share of campaigns in which one of 16 looks, after five visits each, has a limit below the true error."""
+    square = np.random.default_rng(2).chisquare(9, size=(500, 80))
+    numbers = np.full(80, 9)
+    true = 1.2
+    deceived = [
+        any(bound(1.0, true**2 * each[:k], numbers[:k], level)[1] < true for k in range(5, 81, 5))
+        for each in square
+    ]
+    assert least < np.mean(deceived) < most
 
 
 def test_misses_below_the_expected_promise_no_less_than_is_expected() -> None:

@@ -38,6 +38,20 @@ CHANGES = (
         _ADAPTIVE,
     ),
     Change(
+        "acquisition/run/adaptive.py",
+        "        seen = [miss for miss in seen if miss.effects == effects] or seen[-_LOOK_BACK:]\n",
+        "        seen = seen[-_LOOK_BACK:]\n",
+        "what a model without its effects missed is held against the model that has them",
+        _ADAPTIVE,
+    ),
+    Change(
+        "acquisition/run/adaptive.py",
+        " and best_mm > block.accuracy_mm:",
+        ":",
+        "a block near the floor ends before its misses can show the accuracy",
+        _ADAPTIVE,
+    ),
+    Change(
         "calib/selection/sequential.py",
         "    most = max(seen / float(chdtri(freedom, level)), 1.0)",
         "    most = usual",

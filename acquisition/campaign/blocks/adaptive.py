@@ -88,7 +88,7 @@ class AdaptiveBlock(Block):
             le=10_000.0,
         ),
     ] = None
-    most: Annotated[int, told("Largest number of poses.", 60, ge=LEAST, le=1000)] = 60
+    most: Annotated[int, told("Largest number of poses.", 100, ge=LEAST, le=1000)] = 100
     zone: Annotated[
         ZoneTable | None,
         told("Where the robot works; left out: the whole workspace.", {"x_mm": [300.0, 550.0]}),

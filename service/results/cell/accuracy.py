@@ -20,6 +20,12 @@ class AccuracyLook(ResponseBody):
 class AccuracyShown(AccuracyLook):
     """The accuracy that the readings so far promise, and how the campaign goes on."""
 
+    deciding_mm: Annotated[
+        float | None,
+        told(
+            "Its upper limit with 95 % confidence in all looks together: below the wanted one it ends.", 0.05
+        ),
+    ] = None
     wanted_mm: Annotated[float, told("The upper limit that is wanted, mm.", 0.05)]
     minutes: Annotated[float, told("Time since the beginning to which it refers, min.", 11.5)]
     floor_mm: Annotated[
@@ -43,7 +49,7 @@ class OutlookShown(ResponseBody):
 
     wanted_mm: Annotated[float, told("The upper limit (95 %) of the RMS error that is wanted, mm.", 0.1)]
     poses: Annotated[int | None, told("Number of poses; null: it is not expected.", 15)]
-    most: Annotated[int, told("Largest number of poses.", 60)]
+    most: Annotated[int, told("Largest number of poses.", 100)]
     targets: Annotated[int, told("Number of readings in each pose.", 3)]
     warm_up_minutes: Annotated[float, told("Until a warm arm is seen to be steady, min.", 6.0)]
     measuring_minutes: Annotated[float, told("Measuring, min.", 5.0)]
