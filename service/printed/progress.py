@@ -120,8 +120,8 @@ def _accuracy(data: Mapping[str, Any]) -> str:
     left = "" if data["poses_left"] is None else f", about {data['poses_left']} more to go"
     verdict = VERDICT_NAMES[data["verdict"]].lower()
     return (
-        f"{poses}: RMS error below {data['bound_mm']:.3f} mm (95 %), {data['wanted_mm']:g} mm are wanted; diagnosis so "
-        f"far: {verdict}{left}"
+        f"{poses}: RMS error below {data['bound_mm']:.3f} mm (95 %), {data['deciding_mm']:.3f} mm where every look "
+        f"counts, {data['wanted_mm']:g} mm are wanted; diagnosis so far: {verdict}{left}"
     )
 
 

@@ -23,7 +23,8 @@ class AccuracyShown(AccuracyLook):
     deciding_mm: Annotated[
         float | None,
         told(
-            "Its upper limit with 95 % confidence in all looks together: below the wanted one it ends.", 0.05
+            "Its upper limit with 95 % confidence in all looks together, mm; below the wanted one it ends.",
+            0.05,
         ),
     ] = None
     wanted_mm: Annotated[float, told("The upper limit that is wanted, mm.", 0.05)]
