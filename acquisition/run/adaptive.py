@@ -10,7 +10,8 @@ The block ends when `LEAST` poses are measured, the upper limit of the RMS error
 and the diagnosis does not find more noise than declared; or when its time is up, or its poses are. Near the floor the
 limit still falls when the model is long known, because more misses tell more of the error. So ten more poses that would
 gain the model less than 1 % end the block only if all poses that may follow would not bring the limit below the wanted
-accuracy, even were the error as small as the misses allow.
+accuracy, even were the error as small as the misses allow; and not in a look whose poses missed by more than those
+before, because something has happened that the next poses may explain.
 
 The limit rests on the visits that a model with the same effects as now predicted; until there are any, on the last
 ones. If a pattern remains that no cause explains, the readings chosen for the fit do not show it as readings anywhere
@@ -227,7 +228,8 @@ def look(sight: Sight, pool: Pool) -> Look:
         _, known_mm = bound(
             zone.floor_mm, np.array([final.noise_scale**2 * freedom]), np.array([freedom]), 1.0 - DECIDING
         )
-    return _next(sight, pool, judged, design, evidence, zone.floor_mm, known_mm)
+    news = exceed(fresh, sight.judged)
+    return _next(sight, pool, judged, design, evidence, zone.floor_mm, known_mm, news=news)
 
 
 def _unjudged(sight: Sight, pool: Pool, poses: int) -> Look:
@@ -235,7 +237,20 @@ def _unjudged(sight: Sight, pool: Pool, poses: int) -> Look:
     _, design, floor_mm = first_of(sight.site, pool)
     judged = Accuracy(sight.block.accuracy_mm, poses, round(sight.elapsed_s / 60.0, 2))
     evidence = MissesThatCount.of([], (), len(sight.site.targets))
-    return _next(sight, pool, judged, design, evidence, floor_mm, 0.0)
+    return _next(sight, pool, judged, design, evidence, floor_mm, 0.0, news=False)
+
+
+def exceed(fresh: Sequence[Miss], earlier: Sequence[Miss]) -> bool:
+    """Whether visits missed by more than earlier ones, beyond chance: something has happened meanwhile."""
+    if not fresh or not earlier:
+        return False
+    least, most = (
+        bound(
+            1.0, np.array([miss.square for miss in each]), np.array([miss.numbers for miss in each]), level
+        )[1]
+        for each, level in ((fresh, 1.0 - DECIDING), (earlier, DECIDING))
+    )
+    return least > most
 
 
 def _effects_of(found: IdentificationFit) -> tuple[str, ...]:
@@ -304,11 +319,13 @@ def _next(
     evidence: MissesThatCount,
     floor_mm: float,
     known_mm: float,
+    *,
+    news: bool,
 ) -> Look:
     """End the block, or choose its next batch.
 
     `floor_mm` is the RMS of noise and repeatability in one reading as declared, `known_mm` what it
-    is at least, as far as that is known.
+    is at least, as far as that is known. After `news` the next poses may tell their cause.
     """
     block = sight.block
 
@@ -321,7 +338,7 @@ def _next(
     if block.minutes is not None:
         may_follow = min(may_follow, max(int((60.0 * block.minutes - sight.elapsed_s) / pose_s), 0))
     ended = _ending(sight, judged, pose_s, known_mm)
-    if not ended and judged.bound_mm is not None and judged.poses >= LEAST:
+    if not ended and not news and judged.bound_mm is not None and judged.poses >= LEAST:
         later = expected_mm(design.best(MORE, taken)[1])
         best_mm = evidence.later_mm(later, may_follow, hopeful=True)
         if later > (1.0 - WORTH) * expected_mm(design) and best_mm > block.accuracy_mm:

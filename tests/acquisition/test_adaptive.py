@@ -18,7 +18,7 @@ from acquisition.errors import UnsafePlan
 from acquisition.loop import calibration_campaign
 from acquisition.record import Event, RecordStore
 from acquisition.run import adaptive
-from acquisition.run.adaptive import Miss, MissesThatCount, look_at
+from acquisition.run.adaptive import Miss, MissesThatCount, exceed, look_at
 from acquisition.run.duration import at_once
 from drivers import ConfigError
 from tests.acquisition.fakes import Bench, Crash, JumpingClock, a_cell, devices_of
@@ -234,6 +234,14 @@ def test_what_another_model_missed_does_not_count_once_the_present_one_has_predi
         [*since, *some_misses(("backlash:j2",), 9.0, 2, drawn=True)], (), 3, drawn_only=True
     )
     assert drawn.freedom == 18
+
+
+def test_only_misses_beyond_chance_are_news() -> None:
+    usual, more, step = (some_misses((), 9.0 * each, 5) for each in (1.0, 1.5, 8.0))
+    assert exceed(step, usual * 6)
+    assert not exceed(more, usual * 6)
+    assert not exceed(step, step * 2)  # it has been seen before
+    assert not exceed(step, [])
 
 
 def test_more_poses_bring_the_limit_down_and_hope_is_no_less() -> None:
