@@ -17,6 +17,10 @@ from service import written
 # name -> its place, and the first sentence of its help (a test compares them)
 COMMANDS = {
     "demo": ("demo.demo", "See the loop on a simulated robot with an undeclared effect."),
+    "example": (
+        "example.example_command",
+        "Write the example files of Get started: simulated readings and two targets.",
+    ),
     "calibrate": ("cell.calibrate.calibrate_command", "Calibrate the robot of a cell and verify it."),
     "robot": ("files.robot.app", "Write, import and check the file of a robot of your own."),
     "convert": ("files.convert.convert", "Import foreign data."),

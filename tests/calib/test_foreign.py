@@ -311,7 +311,7 @@ def test_as_many_files_as_were_promised() -> None:
 
 
 def test_the_page_has_every_file_with_what_becomes_of_it() -> None:
-    page = (Path(__file__).parents[2] / "docs" / "howto" / "exports.md").read_text("utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "evidence" / "exports.md").read_text("utf-8")
     assert [line for line in page.splitlines() if line.startswith("| ")][1:] == [
         f"| {case.shape} | {outcome(case)} |" for case in CASES
     ]

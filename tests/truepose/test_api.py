@@ -320,7 +320,7 @@ def test_the_blocks_of_the_documentation_run(
     root = Path(__file__).parents[2]
     text = (root / "docs" / "python.md").read_text("utf-8")
     for ending in (".csv", ".toml"):
-        (tmp_path / f"irb120{ending}").write_bytes(csv.with_suffix(ending).read_bytes())
+        (tmp_path / f"data{ending}").write_bytes(csv.with_suffix(ending).read_bytes())
     (tmp_path / "cell.toml").write_bytes((root / "examples" / "irb120_faro" / "cell.toml").read_bytes())
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}

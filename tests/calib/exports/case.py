@@ -142,7 +142,7 @@ def angles(sequence: str) -> Array:
 
 
 def outcome(of: Case) -> str:
-    """Describe the result of a case as in `docs/howto/exports.md`."""
+    """Describe the result of a case as in `docs/evidence/exports.md`."""
     if of.refuses and not of.asks:
         return "refused"
     asked = f"asked: {', '.join(f'`{key}`' for key in of.asks)}" if of.asks else ""
