@@ -28,6 +28,7 @@ from typing import Literal
 import numpy as np
 
 from acquisition.campaign.blocks import AnyBlock
+from acquisition.campaign.blocks.adaptive import AdaptiveBlock
 from acquisition.campaign.blocks.ballbar_geometry import BallbarGeometryBlock
 from acquisition.campaign.blocks.block import (
     DECIMALS,
@@ -235,7 +236,7 @@ def _fits_instrument(cell: Cell, campaign: Campaign) -> None:
                 f"block {number}: kind = 'path' records while the robot moves, and the {' and the '.join(silent)} of "
                 "this cell cannot be recorded in motion; use kind = 'poses', which stops to measure"
             )
-        if block.lengths != lengths:
+        if block.lengths != lengths and not isinstance(block, AdaptiveBlock):
             blocks = "use kind = 'hexapod' or 'ballbar_geometry', or 'sphere' with its base, or 'repeat' with its legs"
             hint = blocks if lengths else "it needs a ballbar"
             raise ConfigError(

@@ -10,7 +10,6 @@ from acquisition.loop.loop import (
     LoopEnded,
     LoopResult,
     Say,
-    check_loop,
     close_loop,
     diagnosed,
 )
@@ -28,7 +27,6 @@ __all__ = [
     "calibration_campaign",
     "campaign_table",
     "campaign_text",
-    "check_loop",
     "close_loop",
     "diagnosed",
     "fits",

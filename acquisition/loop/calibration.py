@@ -3,6 +3,9 @@
 An adaptive block measures until the accuracy is reached. Before it the reference pose is measured until the arm is
 steady, in place of a fixed hour; the nests are checked while it runs. The outlook is reckoned from the poses that the
 block would choose if the model held: nothing moves for it. Lengths mm, angles deg, times s.
+
+With a ballbar, a person first measures the triangles of the balls and jogs the robot into the cups. There is no
+reference pose, whose readings would need a person for hours: the arm is warm when the calibration begins.
 """
 
 from __future__ import annotations
@@ -13,12 +16,21 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.campaign.blocks.adaptive import BATCH, LEAST, first_of, pool_of, seconds_to
+from acquisition.campaign.blocks.adaptive import (
+    BATCH,
+    LEAST,
+    first_of,
+    numbers_in,
+    pool_of,
+    readings_in,
+    seconds_to,
+)
 from acquisition.campaign.campaign import FORMAT, Campaign, campaign_from
-from acquisition.campaign.plan import READING_S, SAMPLES_PER_S, site_of
+from acquisition.campaign.plan import make_plan, site_of
 from acquisition.cell.cell import Cell
-from acquisition.run.adaptive import block_of
-from calib.selection import DECIDING, LEVEL, least_bound
+from acquisition.loop.leg_verification import LEGS_VERIFIED
+from acquisition.run.adaptive import MOUNTING_S, block_of, rest_s
+from calib.selection import DECIDING, LEVEL, least_bound, model_limit
 from drivers.errors import ConfigError
 
 VERIFICATION = 10  # new poses on which the correction is verified, each driven corrected and uncorrected
@@ -26,6 +38,8 @@ _STEADY = 3.0  # RMS errors of a reading within which the readings of a steady a
 _WARM_UP: dict[str, Any] = {"over": 3, "every_s": 120.0, "at_most_s": 7200.0}
 _NESTS_EVERY, _REFERENCE_EVERY = 90, 45  # readings
 _NEST_S = 10.0
+_TOUCH_S, _ZERO_S = 120.0, 120.0  # to jog the robot into a cup, and to build a bar and read its zero
+_ZERO_EVERY = 60  # distances
 
 
 @dataclass(frozen=True)
@@ -38,6 +52,8 @@ class Outlook:
         Poses until the accuracy is reached, None if it is not expected within the `most` that may be used.
     targets
         Readings in each pose.
+    mountings
+        How often a person puts a ballbar between two balls, the verification included; 0 for another instrument.
     warm_up_minutes, measuring_minutes, verification_minutes
         Time of the parts of the calibration at the cell: until a steady arm is known to be steady, the poses, and the
         verification.
@@ -53,6 +69,7 @@ class Outlook:
     poses: int | None
     most: int
     targets: int
+    mountings: int
     warm_up_minutes: float
     measuring_minutes: float
     verification_minutes: float
@@ -68,6 +85,15 @@ class Outlook:
     def in_words(self) -> str:
         """Describe the outlook for the person who starts the calibration."""
         readings = f"{self.targets} reading{'s' if self.targets > 1 else ''} each"
+        before = f"{self.warm_up_minutes:.0f} to see that a warm arm is steady (a cold one takes longer)"
+        floor, are = "Noise and repeatability", "are"
+        if self.mountings:
+            readings = f"{self.targets} legs each"
+            before = f"{self.warm_up_minutes:.0f} for the triangles and the cups, by a robot that is warm"
+            floor, are = (
+                f"The bar is mounted about {self.mountings} times. The repeatability of the robot",
+                "is",
+            )
         expected = f"The limit of the RMS error (95 %) is then expected to be {self.limit_mm:.3f} mm"
         if self.poses is None:
             first = (
@@ -78,9 +104,8 @@ class Outlook:
             first = f"About {self.poses} poses with {readings}"
             last = f"{expected}, if the model describes the robot; {self.wanted_mm:g} mm are wanted."
         return (
-            f"{first}, about {self.minutes:.0f} minutes at the cell: {self.warm_up_minutes:.0f} to see that a warm arm "
-            f"is steady (a cold one takes longer), {self.measuring_minutes:.0f} of measuring, "
-            f"{self.verification_minutes:.0f} of verification. {last} Noise and repeatability alone are "
+            f"{first}, about {self.minutes:.0f} minutes at the cell: {before}, {self.measuring_minutes:.0f} of "
+            f"measuring, {self.verification_minutes:.0f} of verification. {last} {floor} alone {are} "
             f"{self.floor_mm:.3f} mm."
         )
 
@@ -113,15 +138,10 @@ def calibration_campaign(
     Raises
     ------
     ConfigError
-        The instrument measures no points, the accuracy cannot be reached, the zone is out of reach, or the time is
-        too short.
+        The accuracy cannot be reached, the zone is out of reach, the time is too short, or the cell has no triangles
+        of balls for a ballbar.
     """
-    if cell.instrument.declared.measures_lengths:
-        raise ConfigError(
-            f"the {cell.instrument.name} measures distances, and a calibration in one command needs points",
-            what_to_do="Plan with truepose plan-ballbar, measure with truepose campaign run, then truepose diagnose "
-            "and truepose compensate.",
-        )
+    lengths = cell.instrument.declared.measures_lengths
     block: dict[str, Any] = {"kind": "adaptive", "accuracy_mm": accuracy_mm}
     if cell.instrument.one_smr:
         block["targets"] = [max(cell.tool.targets, key=lambda name: np.hypot(*cell.tool.targets[name][:2]))]
@@ -133,12 +153,18 @@ def calibration_campaign(
         "format": FORMAT,
         "seed": seed,
         "approach": {"offset_deg": -5.0, "sides": "both"},
-        "reference_every": _REFERENCE_EVERY,
-        "block": [block],
+        **({"zero_every": _ZERO_EVERY} if lengths else {"reference_every": _REFERENCE_EVERY}),
+        "block": [{"kind": "ballbar_geometry", "touch_with": next(iter(cell.tool.targets))}, block]
+        if lengths
+        else [block],
     }
     outlook = outlook_of(cell, campaign_from(table, "calibration"), poses=poses)
-    table["warm_up"] = _WARM_UP | {"below_mm": round(max(_STEADY * outlook.floor_mm, 0.02), 3)}
-    table["nest_check"] = {"every": _NESTS_EVERY, "limit_mm": round(max(_STEADY * outlook.floor_mm, 0.05), 3)}
+    if not lengths:
+        table["warm_up"] = _WARM_UP | {"below_mm": round(max(_STEADY * outlook.floor_mm, 0.02), 3)}
+        table["nest_check"] = {
+            "every": _NESTS_EVERY,
+            "limit_mm": round(max(_STEADY * outlook.floor_mm, 0.05), 3),
+        }
     if minutes is not None:
         least = outlook.verification_minutes + outlook.least_minutes
         if minutes < least:
@@ -167,23 +193,25 @@ def outlook_of(cell: Cell, campaign: Campaign, *, poses: int = VERIFICATION) -> 
     site = site_of(cell, campaign, number)
     pool = pool_of(block, site)
     used, design, floor_mm = first_of(site, pool)
-    many, first = len(site.targets), len(used)
-    reading_s = READING_S + campaign.samples / SAMPLES_PER_S
+    lengths, many, first = cell.instrument.declared.measures_lengths, readings_in(site), len(used)
+    numbers = numbers_in(site)
     home = np.array(cell.robot.home_deg or [0.0] * cell.robot.model.joints)
-    pose_s = (
-        float(np.median(seconds_to(cell, pool, home))) + campaign.settle_of(number).seconds + many * reading_s
-    )
+    move_s, settle_s = float(np.median(seconds_to(cell, pool, home))), campaign.settle_of(number).seconds
+    pose_s = move_s + rest_s(site, settle_s, campaign.samples)
 
     def limit_mm(level: float) -> float:
         judged = max(len(used) - first, BATCH)
-        return least_bound(float(np.hypot(np.sqrt(design.variance), floor_mm)), 3 * many * judged, level)
+        square = model_limit(design.spread, design.covariance, level) if lengths else design.variance
+        return least_bound(float(np.hypot(np.sqrt(square), floor_mm)), numbers * judged, level)
 
-    best_mm = least_bound(floor_mm, 3 * many * max(block.most - first, BATCH), DECIDING)
+    best_mm = least_bound(floor_mm, numbers * max(block.most - first, BATCH), DECIDING)
     if best_mm > block.accuracy_mm:
+        alone = "noise of the instrument and repeatability of the robot alone are"
+        if lengths:
+            alone = "the repeatability of the robot alone is"
         raise ConfigError(
-            f"an accuracy of {block.accuracy_mm:g} mm cannot be reached in this cell: noise of the instrument and "
-            f"repeatability of the robot alone are {floor_mm:.3f} mm in every reading, and {block.most} poses can show "
-            f"{best_mm:.3f} mm with 95 % confidence",
+            f"an accuracy of {block.accuracy_mm:g} mm cannot be reached in this cell: {alone} {floor_mm:.3f} mm in "
+            f"every reading, and {block.most} poses can show {best_mm:.3f} mm with 95 % confidence",
             what_to_do=f"Give {np.ceil(1000.0 * best_mm) / 1000.0:g} mm or more, or measure more accurately.",
         )
     while len(used) < LEAST or (limit_mm(DECIDING) > block.accuracy_mm and len(used) + BATCH <= block.most):
@@ -191,14 +219,25 @@ def outlook_of(cell: Cell, campaign: Campaign, *, poses: int = VERIFICATION) -> 
         used += more
     warm_s = _WARM_UP["over"] * _WARM_UP["every_s"]
     nests_s = 2 * _NEST_S * len(cell.nests)
+    verified_s, mountings = 2 * poses * pose_s, 0
+    if lengths:
+        balls = [visit for visit in make_plan(cell, campaign) if visit.block < number]
+        touches = sum(
+            visit.targets[0] in cell.tool.targets and visit.base_targets[0] in cell.nests for visit in balls
+        )
+        sides = len(balls) - touches
+        warm_s, nests_s = touches * _TOUCH_S + sides * MOUNTING_S + 2 * _ZERO_S, 0.0
+        verified_s = poses * (pose_s - (many - LEGS_VERIFIED) * MOUNTING_S)
+        mountings = sides + many * len(used) + LEGS_VERIFIED * poses
     return Outlook(
         wanted_mm=block.accuracy_mm,
         poses=len(used) if limit_mm(DECIDING) <= block.accuracy_mm else None,
         most=block.most,
         targets=many,
+        mountings=mountings,
         warm_up_minutes=warm_s / 60.0,
         measuring_minutes=(nests_s + len(used) * pose_s) / 60.0,
-        verification_minutes=(nests_s + 2 * poses * pose_s) / 60.0,
+        verification_minutes=(nests_s + verified_s) / 60.0,
         least_minutes=(warm_s + nests_s + LEAST * pose_s) / 60.0,
         limit_mm=limit_mm(LEVEL),
         floor_mm=floor_mm,

@@ -11,6 +11,8 @@ drift continues where it was.
 The corrected targets are the joints that a diagnosis commands, if the cell can take them. A correction is valid for an
 approach from one side, and for the time and the air temperature of its measurement. If the model follows time or
 temperature, every pose is corrected just before it is driven. Angles in deg.
+
+With a ballbar the new poses are stances of its legs (`loop.leg_verification`), and there are no follow-up poses.
 """
 
 from __future__ import annotations
@@ -24,6 +26,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from acquisition.campaign.blocks.block import Approach
+from acquisition.campaign.blocks.legs import LegsBlock
 from acquisition.campaign.blocks.poses import PosesBlock
 from acquisition.campaign.campaign import FORMAT, Campaign, campaign_from, campaign_of_record
 from acquisition.campaign.plan import DECIMALS
@@ -32,9 +36,9 @@ from acquisition.cell.cell import Cell
 from acquisition.cell.devices import Devices
 from acquisition.cell.robot_section import RobotSection
 from acquisition.cell.transit import may_visit
-from acquisition.cell.world_frame import WorldFrame
 from acquisition.errors import UnsafePlan
 from acquisition.loop.follow_up_campaign import campaign_table, in_cell
+from acquisition.loop.leg_verification import judge_legs, new_stances, stances_near
 from acquisition.record.database import is_begun
 from acquisition.record.device_serials import Individual, individuals_of, series_among
 from acquisition.record.export import export, table_of
@@ -64,7 +68,6 @@ from calib.diagnose import DiagnosisFit, FollowUp, diagnose
 from calib.model import FLANGE, ModelStructure, StatedConditions, series_of
 from calib.saved import refuse_worse
 from calib.units import DEG
-from drivers.errors import ConfigError
 
 FEW = 1  # poses that are corrected at once if the model follows time or temperature
 _NEW_POSES = 77  # random stream, in addition to those of the plan
@@ -76,6 +79,7 @@ Resumed = Callable[[Run, ExecutionOutcome], bool]
 Compute = Callable[..., Any]
 Diagnose = Callable[[Path, Say], DiagnosisFit]
 APPROACH_DEG = -5.0  # from below on every joint (Nubiola 2.5): the condition for which corrections are valid
+_APPROACH = Approach(offset_deg=APPROACH_DEG, sides="one")
 _LEVER_MM = 500.0  # that turns an angle into a length
 _FOLLOWS_MM = 0.002  # movement within a quarter of an hour or 0.3 K below which it does not
 
@@ -219,7 +223,6 @@ def close_loop(
     ConfigError, UnsafePlan
         A campaign cannot be planned in the cell, or no new pose can be corrected.
     """
-    check_loop(equipment.cell)
     say("campaign 1: calibration and validation poses")
     first = measure(equipment, campaign, folder / "campaign1")
     data: Path = equipment.compute(export, first.record, folder / "data.csv")
@@ -239,39 +242,26 @@ def close_loop(
         before, diagnosis = diagnosis, equipment.diagnose(data, say)
         followed_up = FollowUpResult(before, planned, len(diagnosis.dataset) - alone)
     refuse_worse(*diagnosis.gain, file=data, use=", then measure again")
-    motion = f"drives {poses} new poses with corrected targets, and the same poses uncorrected"
+    motion = f"drives {poses} new poses with corrected targets"
+    if not equipment.cell.instrument.declared.measures_lengths:
+        motion += ", and the same poses uncorrected"
     if not equipment.confirm(motion):
         raise LoopEnded(ExecutionOutcome(State.PAUSED, "The corrected targets were not driven."))
     say("campaign 2: driving corrected targets")
     return verify(equipment, campaign, folder, first, last, data, diagnosis, followed_up, poses)
 
 
-def check_loop(cell: Cell) -> None:
-    """Check that a loop is possible in a cell.
-
-    Raises
-    ------
-    ConfigError
-        The instrument measures distances, which do not show where the robot lands.
-    """
-    if cell.instrument.declared.measures_lengths:
-        raise ConfigError(
-            f"the loop needs an instrument that measures points, the {cell.instrument.name} measures distances: "
-            "measure, diagnose, and correct programs with 'truepose compensate'"
-        )
-
-
 def follow_up_of(cell: Cell, diagnosis: DiagnosisFit) -> FollowUp | None:
     """Choose the poses of a cell that distinguish the rivals of a diagnosis.
 
-    Returns None if there are no rivals, or no pose helps.
+    Returns None if there are no rivals, no pose helps, or a ballbar measures, for which poses would have to be stances.
 
     Raises
     ------
     ConfigError
         Hardly any pose is clear.
     """
-    if diagnosis.follow_up is None:
+    if diagnosis.follow_up is None or cell.instrument.declared.measures_lengths:
         return None
     planned = in_cell(cell, diagnosis.final, diagnosis.follow_up.rivals)
     return planned if planned.helps else None
@@ -360,7 +350,6 @@ def verify(
     usual = StatedConditions(loads=dataset.header.loads, gravity=dataset.header.gravity)
     used = usable(final.model, final.estimate, final.covariance, usual, coupling=dataset.header.coupling)
     refuse_unlikely(used.model, used.estimate, usual, Bounds(), coupling=dataset.header.coupling)
-    world = world_of(first.record)
     soon = conditions_soon(equipment, dataset, first, last)
     wanted: Array
     refused: list[str]
@@ -378,7 +367,8 @@ def verify(
             if follows and read_status(equipment.place(record)).state != State.SUCCEEDED.value:
                 refused.append("it was corrected for a time before the calibration was interrupted")
                 continue
-            joints, goals = begun
+            joints, then = begun
+            goals = stances_near(equipment.cell, diagnosis, _APPROACH, joints)[0] if then is None else then
         else:
             stated = conditions_soon(equipment, dataset, first, last)
             done = equipment.compute(correction, equipment.cell, diagnosis, goals, stated)
@@ -388,8 +378,9 @@ def verify(
             goals, joints = goals[keep], joints[keep]
         if not len(goals):
             continue
-        second = measure(equipment, campaign_of(campaign, joints, goals), record, last)
-        batches.append(_judged(equipment, second, first, joints, goals, diagnosis, world, devices))
+        driven = campaign_of(campaign, joints, goals, _legs_at(equipment.cell, diagnosis, goals))
+        second = measure(equipment, driven, record, last)
+        batches.append(_judged(equipment, second, first, joints, goals, diagnosis, devices))
         for each in individuals_of(second.record).values():
             if each.reason:
                 accepted[each.why()] = None
@@ -413,15 +404,21 @@ def _judged(
     joints: Array,
     goals: Array,
     diagnosis: DiagnosisFit,
-    world: WorldFrame,
     devices: Mapping[str, Individual],
 ) -> JudgedLandings:
     wanted = {tuple(q.tolist()): tuple(goal.tolist()) for q, goal in zip(joints, goals, strict=True)}
-    later_s = second.began_s - first.began_s
-    landings = read_landings(second.record)
-    return judge(
-        landings, wanted, diagnosis.dataset, diagnosis.final, world, equipment.cell, later_s, devices
-    )
+    cell, later_s = equipment.cell, second.began_s - first.began_s
+    if cell.instrument.declared.measures_lengths:
+        return judge_legs(second.record, wanted, cell, diagnosis)
+    landings, world = read_landings(second.record), world_of(first.record)
+    return judge(landings, wanted, diagnosis.dataset, diagnosis.final, world, cell, later_s, devices)
+
+
+def _legs_at(cell: Cell, diagnosis: DiagnosisFit, goals_deg: Array) -> list[list[tuple[str, str]]]:
+    """Return the legs to be measured at each goal; none if points are measured."""
+    if not cell.instrument.declared.measures_lengths:
+        return []
+    return stances_near(cell, diagnosis, _APPROACH, goals_deg)[1]
 
 
 def new_targets(
@@ -438,8 +435,11 @@ def new_targets(
         No pose can be corrected.
     """
     rng = np.random.default_rng([seed, _NEW_POSES])
-    drawn = draw_poses(cell, 2 * poses, rng, APPROACH_DEG, both=False, decimals=DECIMALS)
-    goals = np.array([pose.joints_deg for pose in drawn])
+    if cell.instrument.declared.measures_lengths:
+        goals = new_stances(cell, diagnosis, _APPROACH, rng, 2 * poses)
+    else:
+        drawn = draw_poses(cell, 2 * poses, rng, APPROACH_DEG, both=False, decimals=DECIMALS)
+        goals = np.array([pose.joints_deg for pose in drawn])
     done = correction(cell, diagnosis, goals, stated)
     corrected = done.joints / cell.robot.model.joint_units
     near_table = done.good & ~clear(cell, np.where(done.good[:, None], corrected, goals))
@@ -548,11 +548,14 @@ def follows_conditions(dataset: Dataset, diagnosis: DiagnosisFit, goals_deg: Arr
     return False
 
 
-def campaign_of(like: Campaign, corrected_deg: Array, wanted_deg: Array) -> Campaign:
-    """Create a campaign of the corrected targets, followed by the same uncorrected.
+def campaign_of(
+    like: Campaign, corrected_deg: Array, wanted_deg: Array, legs: Sequence[Sequence[tuple[str, str]]] = ()
+) -> Campaign:
+    """Create a campaign of the corrected targets, followed by the same uncorrected, or only with the legs of each.
 
     Settle time, samples and retries are those of `like`.
     """
+    of_legs = {"kind": "legs", "set": "validation", "joints_deg": corrected_deg.tolist(), "legs": legs}
     return campaign_from(
         {
             "format": FORMAT,
@@ -561,18 +564,25 @@ def campaign_of(like: Campaign, corrected_deg: Array, wanted_deg: Array) -> Camp
             "settle_s": like.settle_s,
             "samples": like.samples,
             "retries": like.retries,
-            "block": [_block(corrected_deg), _block(wanted_deg)],
+            **({"zero_every": like.zero_every} if legs else {}),
+            "block": [of_legs] if legs else [_block(corrected_deg), _block(wanted_deg)],
         },
         "verification campaign",
     )
 
 
-def targets_of_record(record: Path) -> tuple[Array, Array] | None:
-    """Return the corrected and the wanted joints (k, N), deg, of a verification that was begun; None without one."""
+def targets_of_record(record: Path) -> tuple[Array, Array | None] | None:
+    """Return the corrected and the wanted joints (k, N), deg, of a verification that was begun; None without one.
+
+    Those of legs are wanted at the stances nearest to the corrected ones, and are not in the record.
+    """
     if not is_begun(record):
         return None
     with RecordStore.reading(record) as store:
         campaign = campaign_of_record(store.campaign["campaign"], str(record))
+    of_legs = next((block for block in campaign.blocks if isinstance(block, LegsBlock)), None)
+    if of_legs is not None:
+        return np.array(of_legs.joints_deg), None
     corrected, wanted = (
         np.array(block.joints_deg) for block in campaign.blocks if isinstance(block, PosesBlock)
     )

@@ -73,7 +73,8 @@ class Landings:
 class Verification:
     """The verification of corrected targets.
 
-    The statistics are those of the distances to the required points, mm, over all targets of all poses.
+    The statistics are those of the distances to the required points, mm, over all targets of all poses, or with
+    `of_lengths` those of the errors of lengths along the bar of a ballbar.
     """
 
     uncorrected: ErrorStatistics | None  # the same poses, driven as the nominal robot would
@@ -81,9 +82,10 @@ class Verification:
     floor_mm: float
     poses: int
     refused: tuple[str, ...]  # why targets were left out
-    nests_off_mm: float  # between the nests measured again and the frame of campaign 1
+    nests_off_mm: float | None  # between the nests measured again and the frame of campaign 1
     approach: str
     accepted: tuple[str, ...] = ()  # other devices than in campaign 1, who accepted them and why
+    of_lengths: bool = False
 
     @property
     def ratio(self) -> float:
@@ -264,13 +266,14 @@ def floor_of(dataset: Dataset, found: IdentificationFit, conditions: Conditions)
 class JudgedLandings:
     """Distances (n,), mm, of landings from the required points.
 
-    `corrected` states whether each was driven corrected.
+    `corrected` states whether each was driven corrected. Without nests, `off_mm` is None and the distances are errors
+    of lengths.
     """
 
     distances: Array
     corrected: NDArray[np.bool_]
     floor_mm: Array  # (n,) the floor of the record each came from
-    off_mm: float
+    off_mm: float | None
 
 
 def judge(
@@ -331,13 +334,15 @@ def verification_of(
     verified = statistics_of(distances[corrected])
     if verified is None:
         raise ValueError("no corrected target was measured")
+    off_mm = [j.off_mm for j in judged if j.off_mm is not None]
     return Verification(
         uncorrected=statistics_of(distances[~corrected]),
         verified=verified,
         floor_mm=float(np.sqrt(np.mean(floors[corrected] ** 2))),
         poses=poses,
         refused=tuple(refused),
-        nests_off_mm=max(j.off_mm for j in judged),
+        nests_off_mm=max(off_mm, default=None),
         approach=approach,
         accepted=tuple(accepted),
+        of_lengths=not off_mm,
     )

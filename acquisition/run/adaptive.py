@@ -16,6 +16,11 @@ before, because something has happened that the next poses may explain.
 The limit rests on the visits that a model with the same effects as now predicted; until there are any, on the last
 ones. If a pattern remains that no cause explains, the readings chosen for the fit do not show it as readings anywhere
 in the zone would: then only poses that were drawn at random count. Lengths mm, times s.
+
+With a ballbar the stances are those of the cups as touched. From the second batch on, the robot is driven to them
+through the model so far, and their legs are then within the stroke of the bar. A leg of the first poses that was
+not is given up: a leg of a later pose tells as much. The misses of legs do not show how wrong this model is where no
+leg reaches: every limit begins with the most that the covariance allows one model there, at the level of the limit.
 """
 
 from __future__ import annotations
@@ -39,7 +44,9 @@ from acquisition.campaign.blocks.adaptive import (
     Pool,
     first_of,
     in_order,
+    numbers_in,
     pool_of,
+    readings_in,
     seconds_to,
     seen_by,
     visits_of,
@@ -47,12 +54,14 @@ from acquisition.campaign.blocks.adaptive import (
 from acquisition.campaign.blocks.block import Site
 from acquisition.campaign.campaign import Campaign, campaign_of_record
 from acquisition.campaign.plan import READING_S, SAMPLES_PER_S, Visit, check_plan, site_of, visit_of
-from acquisition.cell.cell import cell_of_record
+from acquisition.cell.cell import cell_of_record, with_nests
 from acquisition.errors import RecordError, as_config_error
 from acquisition.record.export import table_of
 from acquisition.record.readings import readings_of
 from acquisition.record.states import State
 from acquisition.record.store import RecordStore
+from acquisition.record.touches import taught_of
+from acquisition.run.ballbar.driven_stances import driven, last_of
 from acquisition.run.clock import Clock
 from acquisition.run.duration import Begin
 from acquisition.run.orders.control import Control
@@ -60,7 +69,6 @@ from calib.array import Array
 from calib.data import Dataset
 from calib.errors import DataError
 from calib.fit import IdentificationFit
-from calib.model import StatedConditions
 from calib.selection import (
     DECIDING,
     LEVEL,
@@ -70,8 +78,9 @@ from calib.selection import (
     declared_covariance,
     expected_rms,
     misses,
+    model_limit,
 )
-from drivers.errors import AcquisitionError
+from drivers.errors import AcquisitionError, OutOfRange
 
 if TYPE_CHECKING:
     from calib.diagnose import DiagnosisFit
@@ -79,6 +88,7 @@ if TYPE_CHECKING:
 _LOOK_BACK = 15  # visits on which a bound rests while the model as it is now has predicted none
 MORE, WORTH = 10, 0.01  # so many more poses must lower the expected error by this share
 SETTLED = 30  # poses after which the noise that was found is believed
+MOUNTING_S = 30.0  # for a person to put the bar between two balls
 _LOOK_EVERY_S = 0.02  # on the wall, at a computation
 _UNEXPLAINED = "unexplained"
 _NOISY = "excess_noise"
@@ -157,7 +167,7 @@ class Sight:
     judged
         Visits that earlier looks have predicted.
     taken
-        Joints of all planned poses, deg.
+        Joints of the candidates that are planned, deg.
     here_deg
         Joints of the last planned pose.
     """
@@ -175,14 +185,28 @@ class Sight:
     here_deg: Array
     elapsed_s: float
 
+    @property
+    def rest_s(self) -> float:
+        """Time that the robot rests in a pose, s."""
+        return rest_s(self.site, self.settle_s, self.samples)
+
+    @property
+    def numbers(self) -> int:
+        """Numbers that are measured in a pose."""
+        return numbers_in(self.site)
+
 
 @dataclass(frozen=True)
 class Look:
-    """The result of a look: the accuracy, and the candidates to measure next, in order; some of them drawn."""
+    """The result of a look: the accuracy, and the candidates to measure next, in order; some of them drawn.
+
+    `final` is the model of the interim diagnosis; None without one.
+    """
 
     accuracy: Accuracy
     chosen: tuple[int, ...] = ()
     drawn: frozenset[int] = frozenset()
+    final: IdentificationFit | None = None
 
 
 def look(sight: Sight, pool: Pool) -> Look:
@@ -196,15 +220,15 @@ def look(sight: Sight, pool: Pool) -> Look:
     rows, zone, expected_mm = _seen(sight, pool, final)
     design = Design(rows, zone.spread, declared_covariance(final))
     evidence = MissesThatCount.of(
-        [*sight.judged, *fresh],
-        _effects_of(final),
-        len(sight.site.targets),
-        drawn_only=now.verdict == _UNEXPLAINED,
+        [*sight.judged, *fresh], _effects_of(final), sight.numbers, drawn_only=now.verdict == _UNEXPLAINED
     )
     rms_mm = bound_mm = deciding_mm = None
     if evidence.freedom:
-        rms_mm, bound_mm = evidence.limits_mm(expected_mm, LEVEL)
-        _, deciding_mm = evidence.limits_mm(expected_mm, DECIDING)
+        rms_mm, _ = evidence.limits_mm(expected_mm, LEVEL)
+        bound_mm, deciding_mm = (
+            evidence.limits_mm(float(np.hypot(expected_mm, _margin_mm(pool, design, level))), level)[1]
+            for level in (LEVEL, DECIDING)
+        )
     judged = Accuracy(
         wanted_mm=block.accuracy_mm,
         poses=poses,
@@ -229,14 +253,22 @@ def look(sight: Sight, pool: Pool) -> Look:
             zone.floor_mm, np.array([final.noise_scale**2 * freedom]), np.array([freedom]), 1.0 - DECIDING
         )
     news = exceed(fresh, sight.judged)
-    return _next(sight, pool, judged, design, evidence, zone.floor_mm, known_mm, news=news)
+    found = _next(sight, pool, judged, design, evidence, zone.floor_mm, known_mm, news=news)
+    return replace(found, final=final)
+
+
+def _margin_mm(pool: Pool, design: Design, level: float) -> float:
+    """Return what one model may be off beyond what is expected of it, where no leg of a ballbar reaches, mm."""
+    if not pool.legs:
+        return 0.0
+    return float(np.sqrt(model_limit(design.spread, design.covariance, level) - design.variance))
 
 
 def _unjudged(sight: Sight, pool: Pool, poses: int) -> Look:
     """Choose the next batch while the readings do not determine a model."""
     _, design, floor_mm = first_of(sight.site, pool)
     judged = Accuracy(sight.block.accuracy_mm, poses, round(sight.elapsed_s / 60.0, 2))
-    evidence = MissesThatCount.of([], (), len(sight.site.targets))
+    evidence = MissesThatCount.of([], (), sight.numbers)
     return _next(sight, pool, judged, design, evidence, floor_mm, 0.0, news=False)
 
 
@@ -278,15 +310,15 @@ class MissesThatCount:
 
     @staticmethod
     def of(
-        judged: Sequence[Miss], effects: tuple[str, ...], targets: int, *, drawn_only: bool = False
+        judged: Sequence[Miss], effects: tuple[str, ...], numbers: int, *, drawn_only: bool = False
     ) -> MissesThatCount:
-        """Choose the misses that count for a model with these effects, in poses with so many targets."""
+        """Choose the misses that count for a model with these effects, in poses with so many measured numbers."""
         seen = [miss for miss in judged if miss.drawn or not drawn_only]
         seen = [miss for miss in seen if miss.effects == effects] or seen[-_LOOK_BACK:]
         return MissesThatCount(
             np.array([miss.square for miss in seen]),
             np.array([miss.numbers for miss in seen], dtype=np.int64),
-            3.0 * targets * (DRAWN / BATCH if drawn_only else 1.0),
+            numbers * (DRAWN / BATCH if drawn_only else 1.0),
         )
 
     @property
@@ -332,16 +364,19 @@ def _next(
     def expected_mm(design: Design) -> float:
         return float(np.hypot(np.sqrt(design.variance), floor_mm))
 
+    def at_most_mm(design: Design) -> float:
+        return float(np.hypot(expected_mm(design), _margin_mm(pool, design, DECIDING)))
+
     taken = [i for i, pose in enumerate(pool.candidates) if pose.joints_deg in sight.taken]
-    pose_s = float(np.median(seconds_to(sight.site.cell, pool, sight.here_deg))) + rest_s(sight)
+    pose_s = float(np.median(seconds_to(sight.site.cell, pool, sight.here_deg))) + sight.rest_s
     may_follow = max(block.most - len(sight.taken), 0)
     if block.minutes is not None:
         may_follow = min(may_follow, max(int((60.0 * block.minutes - sight.elapsed_s) / pose_s), 0))
     ended = _ending(sight, judged, pose_s, known_mm)
     if not ended and not news and judged.bound_mm is not None and judged.poses >= LEAST:
-        later = expected_mm(design.best(MORE, taken)[1])
-        best_mm = evidence.later_mm(later, may_follow, hopeful=True)
-        if later > (1.0 - WORTH) * expected_mm(design) and best_mm > block.accuracy_mm:
+        later = design.best(MORE, taken)[1]
+        best_mm = evidence.later_mm(at_most_mm(later), may_follow, hopeful=True)
+        if expected_mm(later) > (1.0 - WORTH) * expected_mm(design) and best_mm > block.accuracy_mm:
             ended = (
                 f"{block.accuracy_mm:g} mm cannot be reached: {MORE} more poses would lower the expected error by less "
                 f"than {WORTH:.0%}, and {may_follow} would at best show {best_mm:.3f} mm. Noise and repeatability "
@@ -356,7 +391,7 @@ def _next(
         more, later = later.best(BATCH, used)
         used += more
         enough = judged.poses + count >= LEAST
-        if enough and evidence.later_mm(expected_mm(later), count) <= block.accuracy_mm:
+        if enough and evidence.later_mm(at_most_mm(later), count) <= block.accuracy_mm:
             left = count
             break
     chosen, drawn = _batch(sight, pool, design, taken)
@@ -392,28 +427,20 @@ def _diagnosed(sight: Sight) -> tuple[DiagnosisFit, list[Miss]]:
 
 def _seen(sight: Sight, pool: Pool, found: IdentificationFit) -> tuple[Array, WorkingZone, float]:
     """Return candidates and zone as a fitted model sees them after everything that was measured, and the error, mm."""
-    readings = found.readings.conditions
-    last = int(np.argmax(readings.order))
-    stated = StatedConditions(
-        temperature_c=_known(readings.temperature[last]),
-        time_s=_known(readings.time[last]),
-        loads=found.header.loads,
-        gravity=found.header.gravity,
-        series=readings.series_names[-1],
-    )
-    noise = found.header.noise
-    rows, zone = seen_by(sight.site, pool, found.model, found.estimate, stated, noise)
+    stated = last_of(found)
+    rows, zone = seen_by(sight.site, pool, found.model, found.estimate, stated, found.header.noise)
     poses = visits_of(sight.site, pool.zone, found.model, stated)
-    return rows, zone, expected_rms(found, poses, zone.floor_mm)
+    return rows, zone, expected_rms(found, zone, poses)
 
 
-def _known(value: float) -> float:
-    return float(value) if np.isfinite(value) else 0.0
+def rest_s(site: Site, settle_s: float, samples: int) -> float:
+    """Return the time that the robot rests in a pose, s.
 
-
-def rest_s(sight: Sight) -> float:
-    """Return the time that the robot rests in a pose, s."""
-    return sight.settle_s + len(sight.site.targets) * (READING_S + sight.samples / SAMPLES_PER_S)
+    A person puts a ballbar on each leg, and takes it off.
+    """
+    many = readings_in(site)
+    mountings = many + 1 if site.cell.instrument.declared.measures_lengths else 0
+    return settle_s + many * (READING_S + samples / SAMPLES_PER_S) + mountings * MOUNTING_S
 
 
 def _ending(sight: Sight, judged: Accuracy, pose_s: float, known_mm: float) -> str:
@@ -445,7 +472,7 @@ def _batch(
     drawn = [i for i in range(pool.drawn, len(pool.candidates)) if i not in used][:DRAWN]
     chosen: list[int] = []
     for _ in range(BATCH - len(drawn)):
-        worth = np.where(among, design.gains, -np.inf) / (seconds_to(cell, pool, here) + rest_s(sight))
+        worth = np.where(among, design.gains, -np.inf) / (seconds_to(cell, pool, here) + sight.rest_s)
         worth[[*used, *chosen]] = -np.inf
         chosen.append(int(np.argmax(worth)))
         design, here = design.with_pose(chosen[-1]), pool.joints([chosen[-1]])[0]
@@ -458,6 +485,11 @@ _BATCHES, _LOOKS = "batch", "accuracy"
 _STATES = """
 SELECT data, coalesce(t_s, (SELECT max(t_s) FROM event AS earlier WHERE earlier.id < event.id), 0) AS t_s
 FROM event WHERE kind = 'state' ORDER BY id
+"""
+_OUT_OF_STROKE = """
+SELECT id FROM pose WHERE status = 'deferred' AND replaced_by IS NULL AND base_target IS NOT NULL AND ? = (
+    SELECT error_code FROM attempt WHERE attempt.pose = pose.id AND attempt.status = 'failed' ORDER BY id DESC LIMIT 1
+)
 """
 Found = tuple[Accuracy, tuple[Visit, ...], tuple[int, ...]]
 
@@ -482,7 +514,10 @@ def look_at(record_dir: Path) -> Found:
         batches, looks = store.data_of_events(_BATCHES), store.data_of_events(_LOOKS)
         of_reading = {str(reading.id): reading.visit for reading in readings_of(store)}
         elapsed_s = _measuring_s(store, looks)
-    cell, campaign = cell_of_record(row["cell"], where), campaign_of_record(row["campaign"], where)
+        cell, campaign = cell_of_record(row["cell"], where), campaign_of_record(row["campaign"], where)
+        taught = taught_of(store, cell)
+    if taught is not None:
+        cell = with_nests(cell, taught.nests_mm)
     found_block = block_of(campaign)
     if found_block is None:
         raise RecordError(f"{record_dir}: its campaign has no adaptive block")
@@ -505,7 +540,7 @@ def look_at(record_dir: Path) -> Found:
         judged=tuple(
             Miss(**miss | {"effects": tuple(miss["effects"])}) for each in looks for miss in each["misses"]
         ),
-        taken=frozenset(each.joints_deg for each in own),
+        taken=frozenset(pool.goal(each.joints_deg, each.readings) for each in own),
         here_deg=np.array(plan[-1].joints_deg),
         elapsed_s=elapsed_s,
     )
@@ -515,6 +550,8 @@ def look_at(record_dir: Path) -> Found:
         replace(visit_of(block, site, pool.visit(site, i, first + k)), number=last.number + 1 + k)
         for k, i in enumerate(found.chosen)
     ]
+    if pool.legs and found.final is not None:
+        added = driven(cell, found.final, added)
     drawn = tuple(visit.number for visit, i in zip(added, found.chosen, strict=True) if i in found.drawn)
     visits = _with_reference(campaign, plan, added)
     check_plan(cell, [last, *visits])
@@ -581,8 +618,9 @@ class AdaptiveSelection:
         """Begin a look while the robot drives the last visit that is planned."""
         if self._over or self._look is not None or not self._store.counts().get("measured"):
             return
-        planned = {reading.visit.number for reading in self._store.plan() if reading.status == "planned"}
-        if len(planned) == 1:
+        planned = [reading for reading in self._store.plan() if reading.status == "planned"]
+        by_person = any(reading.base_target is not None for reading in planned)  # who takes long for a visit
+        if len({reading.visit.number for reading in planned}) == 1 and not by_person:
             self._begin_look()
 
     def extend(self) -> bool:
@@ -611,6 +649,8 @@ class AdaptiveSelection:
         accuracy, visits, drawn = look_at(self._store.database.path.parent) if other else look.result()
         waited_s, self._waited_s = self._waited_s, 0.0
         with self._store.changing() as db:
+            for (pose,) in db.execute(_OUT_OF_STROKE, (OutOfRange.code,)).fetchall():
+                self._store.mark(pose, "skipped", "out of the stroke of the bar; later poses take its place")
             self._store.note(db, _LOOKS, **accuracy.as_dict(), waited_s=waited_s)
             if visits:
                 self._store.add_visits(visits)

@@ -14,7 +14,7 @@ from calib.selection.choose import (
 )
 from calib.selection.exchange import select
 from calib.selection.information import Candidates, Setup, candidates_of
-from calib.selection.lengths import Balls, Lengths, uncertainty_of
+from calib.selection.lengths import Balls, Lengths, model_of_lengths, uncertainty_of
 from calib.selection.sequential import (
     DECIDING,
     LEVEL,
@@ -26,6 +26,7 @@ from calib.selection.sequential import (
     expected_rms,
     least_bound,
     misses,
+    model_limit,
     rows_of_visits,
     usual_covariance,
     zone_of,
@@ -56,6 +57,8 @@ __all__ = [
     "expected_rms",
     "least_bound",
     "misses",
+    "model_limit",
+    "model_of_lengths",
     "observability",
     "rows_of_visits",
     "select",

@@ -15,7 +15,9 @@ import numpy as np
 
 from calib.arm.robot import Load, Robot
 from calib.array import Array
+from calib.data.conditions import Conditions
 from calib.data.header import DEFAULT_GROUPS
+from calib.data.noise import Noise
 from calib.fit.identification import expanded, predict_with_covariance
 from calib.fit.least_squares import jacobian
 from calib.model import base_model
@@ -83,9 +85,7 @@ def uncertainty_of(
         Default: those of the robot.
     """
     names, anchors = tuple(balls.tool), tuple(balls.base)
-    measured = [dict.fromkeys(names, False)]
-    effects = base_model.build(DEFAULT_GROUPS, robot, [_SERIES], measured, None, balls.tool_u_mm)
-    model = ModelStructure(robot, effects, {_SERIES: balls.tool}, anchors=balls.base)
+    model = model_of_lengths(robot, balls)
     stated = StatedConditions(loads=loads)
     prior = model.prior_std
     information = np.diag(np.where(np.isfinite(prior), 1.0 / np.where(prior > 0.0, prior, np.inf) ** 2, 0.0))
@@ -99,7 +99,9 @@ def uncertainty_of(
         anchor_names=anchors,
         visit=conditions.pose,
     )
-    columns = _whitened(BoundModel(model, conditions), nothing, noise_mm, repeatability)
+    columns = rows_of_lengths(
+        model, nothing, conditions, Noise("isotropic", length_mm=noise_mm, repeatability=repeatability)
+    )
     information += columns.T @ columns
     scale = 1.0 / np.sqrt(np.diag(information))
     inverse = np.asarray(
@@ -110,12 +112,19 @@ def uncertainty_of(
     return expanded(predict_with_covariance(model, nothing, covariance, at)[1])
 
 
-def _whitened(design: BoundModel, estimate: Array, noise_mm: float, repeatability: float) -> Array:
-    """Whiten the derivatives (n, m) of the lengths, those of a pose together."""
-    n = len(design.conditions)
+def model_of_lengths(robot: Robot, balls: Balls) -> ModelStructure:
+    """Build the base model of an arm that is identified from lengths."""
+    measured = [dict.fromkeys(balls.tool, False)]
+    effects = base_model.build(DEFAULT_GROUPS, robot, [_SERIES], measured, None, balls.tool_u_mm)
+    return ModelStructure(robot, effects, {_SERIES: balls.tool}, anchors=balls.base)
+
+
+def rows_of_lengths(model: ModelStructure, estimate: Array, conditions: Conditions, noise: Noise) -> Array:
+    """Return the whitened derivatives (n, m) of n lengths, those of a visit together."""
+    design, n, robot = BoundModel(model, conditions), len(conditions), model.robot
     frames = design.frames(estimate)
-    nothing, weight = np.zeros(n), np.full((1, 1, n), 1.0 / noise_mm)
+    nothing, weight = np.zeros(n), np.full((1, 1, n), 1.0 / noise.length_mm)
     lengths = Observations(None, None, nothing, weight, np.ones(n, dtype=np.int64))
-    joints = design.model.robot.joint_slots
-    shared = VisitCovariance(design.conditions.visit, repeatability * lengths.columns(frames, joints))
+    scatter = noise.of_each_joint(robot.kinds)[:, None, None] * lengths.columns(frames, robot.joint_slots)
+    shared = VisitCovariance(conditions.visit, scatter)
     return jacobian(design, replace(lengths, shared=shared), frames)

@@ -18,6 +18,12 @@ draws; Pocock 1977 has such constants for normal ones).
 **Next poses.** The V-optimal choice: the pose that lowers the mean variance of predictions over the zone the most, per
 second that it costs. With C the covariance of the parameters, A = mean of X'X over the zone, X the derivative of a
 target, and B the whitened rows of a pose, a pose lowers tr(A C) by tr[(I + B C B')^-1 B C A C B'].
+
+**Lengths.** A ballbar measures distances to balls on the base, and nothing says where these stand in the world. The
+error of a position is then that relative to the balls: the rigid motion that carries their places as identified to
+their true ones is no part of it. Legs lie in a part of the zone, and their misses do not show how wrong this model is
+elsewhere. Its mean square error there is e' A e with e of covariance C, which one model may exceed: by Satterthwaite
+it is distributed as tr(A C) chi2 / nu, nu = tr(A C)^2 / tr(A C A C), and the limit takes the quantile.
 Source of the criterion: Klimchik et al. 2012 (arXiv 1211.5739), as the test-pose criterion.
 """
 
@@ -36,8 +42,9 @@ from calib.data.dataset import Dataset
 from calib.data.noise import Noise
 from calib.fit.identification import IdentificationFit, predict_with_covariance
 from calib.fit.readings import linearised, readings_of
-from calib.model.model import ModelStructure
+from calib.model.model import BoundModel, ModelStructure
 from calib.selection.information import derivatives, whitened
+from calib.selection.lengths import rows_of_lengths
 from calib.units import DEG
 
 _FREE = {"mm": 10.0, "deg": 1.0 * DEG}  # usual size of a parameter that has no prior, internal units
@@ -133,6 +140,14 @@ def least_bound(expected_mm: float, numbers: int, level: float = LEVEL) -> float
     return expected_mm * float(np.sqrt(max(numbers / float(chdtri(numbers, level)), 1.0)))
 
 
+def model_limit(spread: Array, covariance: Array, level: float) -> float:
+    """Return the upper limit of the mean square error of one model over a zone, mm2, from its covariance alone."""
+    product = spread @ covariance
+    mean = float(np.trace(product))
+    freedom = mean**2 / float(np.sum(product * product.T))
+    return mean * float(chdtri(freedom, 1.0 - level)) / freedom
+
+
 @dataclass(frozen=True)
 class WorkingZone:
     """The poses over which a model is to be accurate, as the model sees them.
@@ -140,7 +155,7 @@ class WorkingZone:
     Attributes
     ----------
     spread : array of shape (m, m)
-        Mean of X'X over its readings, mm2 per squared internal unit.
+        Mean of X'X over its readings, mm2 per squared internal unit; relative to the balls on the base, if any.
     floor_mm : float
         RMS of noise and repeatability in one reading as declared, mm: no model is more accurate.
     """
@@ -152,15 +167,41 @@ class WorkingZone:
 def zone_of(model: ModelStructure, estimate: Array, conditions: Conditions, noise: Noise) -> WorkingZone:
     """Describe a zone by n readings in it."""
     columns, scatter, instrument = derivatives(model, estimate, conditions, noise)
+    if model.anchors:
+        columns = columns - _of_frame(model, estimate, conditions)
     square = np.sum(scatter**2, axis=(1, 2)) + np.trace(instrument, axis1=1, axis2=2)
     spread = np.einsum("nam,nak->mk", columns, columns, optimize=True) / len(conditions)
     return WorkingZone(spread, float(np.sqrt(square.mean())))
 
 
-def expected_rms(found: IdentificationFit, zone: Conditions, floor_mm: float) -> float:
-    """Return the RMS error of a reading in the zone that model and declared noise lead one to expect, mm."""
-    _, spread = predict_with_covariance(found.model, found.estimate, declared_covariance(found), zone)
-    return float(np.sqrt(np.trace(spread, axis1=1, axis2=2).mean() + floor_mm**2))
+def _of_frame(model: ModelStructure, estimate: Array, conditions: Conditions) -> Array:
+    """Return the part (n, 3, m) of the derivatives of n points that is a motion of the balls on the base."""
+    balls, moves = np.array(list(model.anchors.values())), np.zeros((len(model.anchors), 3, len(estimate)))
+    for i, name in enumerate(model.anchors):
+        for k, axis in enumerate("xyz"):
+            position = model.index.get(f"{name}.{axis}")
+            if position is not None:
+                balls[i, k] += estimate[position]
+                moves[i, k, position] = 1.0
+    motion = np.linalg.pinv(_rigid(balls).reshape(-1, 6)) @ moves.reshape(-1, len(estimate))
+    return _rigid(BoundModel(model, conditions).predict(estimate)) @ motion
+
+
+def _rigid(points: Array) -> Array:
+    """Return the displacements (n, 3, 6) of points by a unit of each shift and turn."""
+    turns = np.cross(np.eye(3), points[:, None]).transpose(0, 2, 1)
+    return np.concatenate([np.broadcast_to(np.eye(3), (len(points), 3, 3)), turns], axis=2)
+
+
+def expected_rms(found: IdentificationFit, zone: WorkingZone, conditions: Conditions) -> float:
+    """Return the RMS error of a reading in a zone that model and declared noise lead one to expect, mm.
+
+    `conditions` are those of its n readings.
+    """
+    covariance = declared_covariance(found)
+    _, beyond = predict_with_covariance(found.model, found.estimate, 0.0 * covariance, conditions)
+    square = float(np.sum(zone.spread * covariance) + np.trace(beyond, axis1=1, axis2=2).mean())
+    return float(np.hypot(np.sqrt(square), zone.floor_mm))
 
 
 def usual_covariance(model: ModelStructure) -> Array:
@@ -172,7 +213,13 @@ def usual_covariance(model: ModelStructure) -> Array:
 def rows_of_visits(
     model: ModelStructure, estimate: Array, conditions: Conditions, noise: Noise, targets: int
 ) -> Array:
-    """Return the whitened rows (p, 3 targets, m) of p visits, whose readings follow each other in the conditions."""
+    """Return the whitened rows (p, r, m) of p visits of so many readings, which follow each other in the conditions.
+
+    A point has three rows, a distance one.
+    """
+    if conditions.anchor_names:
+        lengths = rows_of_lengths(model, estimate, conditions, noise)
+        return lengths.reshape(-1, targets, lengths.shape[1])
     parts = derivatives(model, estimate, conditions, noise)
     columns, scatter, instrument = (
         each.reshape(len(conditions) // targets, targets, *each.shape[1:]) for each in parts

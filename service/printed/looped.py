@@ -24,6 +24,7 @@ def show_loop(result: LoopResult, terminal: Terminal) -> None:
         terminal.out.print(f"Your model lacked: {wording.sentence_of(found)}")
     data = diagnosis.dataset
     holdout = data.header.holdout if data.validation_rows.any() else "new poses on the robot, after the fit"
-    terminal.out.print(tables.errors(verification.rows_of(diagnosis, verified), holdout))
+    kind = wording.error_kind(data)
+    terminal.out.print(tables.errors(verification.rows_of(diagnosis, verified), holdout, kind))
     terminal.out.print(f"On the robot: {verification.scope_in_words(verified)}")
     terminal.out.print(verification.floor_in_words(verified))

@@ -233,7 +233,8 @@ def _results(parent: ElementTree.Element, certified: CertificateContent) -> None
     for key, name in _VERIFIED.items():
         verified = (document.get("verification") or {}).get(key)
         if verified is not None:
-            what = f"Robot at new poses, {name}: error on {wording.counted(verified['n'], 'reading')}"
+            of = " of lengths along the ballbar" if document["verification"].get("of_lengths") else ""
+            what = f"Robot at new poses, {name}: error{of} on {wording.counted(verified['n'], 'reading')}"
             _errors(results, what, verified, {})
     if "verdict" in document:
         found = _add(results, "result")

@@ -304,11 +304,12 @@ def _proof(verified: Verification | None, dataset: Dataset, *, judged: bool) -> 
     robot = "simulated robot" if dataset.header.simulated else "robot"
     before, after = verified.uncorrected, verified.verified
     figures = f"{wording.millimetres(after.rms)} mm"
+    of = " of lengths along the ballbar, not of positions" if verified.of_lengths else ""
     if before is not None:
         figures = f"{wording.millimetres(before.rms)} → {figures}"
     return (
         f"Measured on the {robot} with corrected targets at {wording.counted(verified.poses, 'new pose')}: {figures} "
-        "RMS."
+        f"RMS{of}."
     )
 
 

@@ -226,12 +226,12 @@ def some_misses(effects: tuple[str, ...], square: float, count: int, *, drawn: b
 
 def test_what_another_model_missed_does_not_count_once_the_present_one_has_predicted() -> None:
     before, since = some_misses((), 90.0, 20), some_misses(("backlash:j2",), 9.0, 5)
-    judged = MissesThatCount.of([*before, *since], ("backlash:j2",), targets=3)
+    judged = MissesThatCount.of([*before, *since], ("backlash:j2",), numbers=9)
     assert judged.freedom == 45
     assert judged.limits_mm(0.04, 0.95)[0] == pytest.approx(0.04)
-    assert MissesThatCount.of(before, ("backlash:j2",), targets=3).limits_mm(0.04, 0.95)[0] > 0.1
+    assert MissesThatCount.of(before, ("backlash:j2",), numbers=9).limits_mm(0.04, 0.95)[0] > 0.1
     drawn = MissesThatCount.of(
-        [*since, *some_misses(("backlash:j2",), 9.0, 2, drawn=True)], (), 3, drawn_only=True
+        [*since, *some_misses(("backlash:j2",), 9.0, 2, drawn=True)], (), 9, drawn_only=True
     )
     assert drawn.freedom == 18
 
@@ -245,12 +245,12 @@ def test_only_misses_beyond_chance_are_news() -> None:
 
 
 def test_more_poses_bring_the_limit_down_and_hope_is_no_less() -> None:
-    judged = MissesThatCount.of(some_misses((), 10.0, 20), (), targets=3)
+    judged = MissesThatCount.of(some_misses((), 10.0, 20), (), numbers=9)
     later = [judged.later_mm(0.04, count) for count in (5, 20, 80)]
     assert later == sorted(later, reverse=True)
     assert later[0] < judged.limits_mm(0.04, adaptive.DECIDING)[1]
     assert 0.04 < judged.later_mm(0.04, 20, hopeful=True) < later[1]
-    unjudged = MissesThatCount.of([], (), targets=3)
+    unjudged = MissesThatCount.of([], (), numbers=9)
     assert unjudged.later_mm(0.04, 5) > unjudged.later_mm(0.04, 20) > 0.04
 
 

@@ -17,6 +17,7 @@ from acquisition.campaign.placements import BallPlacement, HexapodSurvey, best_f
 from acquisition.cell.cell import Cell, read_cell, with_places
 from acquisition.cell.obstacles import Box, Post
 from calib.arm.kinematics import forward
+from calib.model import BoundModel
 from calib.selection import lengths
 from calib.units import DEG
 from service.cli import main
@@ -142,10 +143,10 @@ def test_the_jacobian_of_lengths_is_their_derivative(cell: Cell) -> None:
     names = [rng.choice(list(each), 30).tolist() for each in (cell.tool.targets, cell.nests)]
     once = lengths.Lengths(joints, *names)
     seen: list[np.ndarray] = []
-    original = lengths._whitened
+    original = lengths.rows_of_lengths
 
-    def numeric(design, estimate, noise_mm, repeatability):  # type: ignore[no-untyped-def]
-        exact = original(design, estimate, noise_mm, repeatability)
+    def numeric(model, estimate, conditions, noise):  # type: ignore[no-untyped-def]
+        exact, design = original(model, estimate, conditions, noise), BoundModel(model, conditions)
 
         def length(at: np.ndarray) -> np.ndarray:
             frames = design.frames(at)
@@ -155,11 +156,11 @@ def test_the_jacobian_of_lengths_is_their_derivative(cell: Cell) -> None:
         units = np.where(np.isfinite(units) & (units > 0.0), units, 1e-3) * 1e-4
         steps = np.diag(units)
         slopes = np.array([(length(s) - length(-s)) / (2.0 * s.max()) for s in steps]).T
-        seen.append(np.abs(exact * noise_mm - slopes).max() / np.abs(slopes).max())
+        seen.append(np.abs(exact * noise.length_mm - slopes).max() / np.abs(slopes).max())
         return exact
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(lengths, "_whitened", numeric)
+        patch.setattr(lengths, "rows_of_lengths", numeric)
         u = lengths.uncertainty_of(robot, balls, once, places, noise_mm=0.01, repeatability=0.0)
     assert max(seen) < 1e-5
     assert u.shape == (40,)

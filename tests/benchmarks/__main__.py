@@ -17,6 +17,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: one thread a
 
 from tests.benchmarks import (
     adaptive,
+    adaptive_ballbar,
     align,
     ballbar,
     campaign,
@@ -60,6 +61,7 @@ from tests.benchmarks import (
 
 BENCHMARKS: dict[str, tuple[Callable[..., bool], int | None]] = {
     "adaptive": (adaptive.run, 20),
+    "adaptive_ballbar": (adaptive_ballbar.run, 10),
     "kinematics": (kinematics.run, None),
     "identification": (identification.run, None),
     "selection": (selection.run, None),

@@ -35,7 +35,7 @@ from acquisition.loop.rehearsal import CELL
 from acquisition.run.adaptive import Accuracy, Sight, block_of, look
 from calib.data import Dataset, dataset_of, header_of
 from calib.diagnose import diagnose
-from calib.fit import identify
+from calib.fit import IdentificationFit, identify
 from calib.model import StatedConditions
 from calib.selection import Design, zone_of
 from calib.text import TextTable
@@ -87,22 +87,7 @@ def run(seeds: int = 20) -> bool:
             for effects in ([], [random_label(World(robot, seed, []).robot, stream(seed, LABEL_STREAM))])
         ]
         paths, defaults = [arm.path() for arm in arms], [arm.default() for arm in arms]
-        looks = [
-            seen for path in paths for seen in path if seen.judged.bound_mm and seen.judged.poses >= LEAST
-        ]
-        holding = sum((seen.judged.bound_mm or 0.0) >= seen.true_mm for seen in looks)
-        reached &= at_least(f"{robot}: looks whose limit holds", holding, len(looks), 0.93)
-        for wanted in WANTED_MM:
-            ends = [next((seen for seen in path if seen.claims(wanted)), None) for path in paths]
-            right = sum(
-                path[-1].true_mm > wanted if end is None else end.true_mm <= wanted
-                for end, path in zip(ends, paths, strict=True)
-            )
-            poses = [end.judged.poses for end in ends if end is not None]
-            middle = f"poses {np.median(poses):.0f}, at most {max(poses)}" if poses else "never"
-            reached &= at_least(
-                f"{robot}: ends for {wanted:.2f} mm that are right ({middle})", right, len(ends), 0.975
-            )
+        reached &= judged_right(robot, paths)
         shares, longest = [], []
         for path, (default_mm, default_s) in zip(paths, defaults, strict=True):
             near = next((seen for seen in path if seen.true_mm <= NEAR * default_mm), path[-1])
@@ -125,6 +110,25 @@ def run(seeds: int = 20) -> bool:
     return reached & _named(seeds) & _quick()
 
 
+def judged_right(robot: str, paths: Sequence[Sequence[Seen]]) -> bool:
+    """Print how many looks and ends of some calibrations are right; whether enough are."""
+    looks = [seen for path in paths for seen in path if seen.judged.bound_mm and seen.judged.poses >= LEAST]
+    holding = sum((seen.judged.bound_mm or 0.0) >= seen.true_mm for seen in looks)
+    reached = at_least(f"{robot}: looks whose limit holds", holding, len(looks), 0.93)
+    for wanted in WANTED_MM:
+        ends = [next((seen for seen in path if seen.claims(wanted)), None) for path in paths]
+        right = sum(
+            path[-1].true_mm > wanted if end is None else end.true_mm <= wanted
+            for end, path in zip(ends, paths, strict=True)
+        )
+        poses = [end.judged.poses for end in ends if end is not None]
+        middle = f"poses {np.median(poses):.0f}, at most {max(poses)}" if poses else "never"
+        reached &= at_least(
+            f"{robot}: ends for {wanted:.2f} mm that are right ({middle})", right, len(ends), 0.975
+        )
+    return reached
+
+
 def _named(seeds: int) -> bool:
     """Whether effects of three times the noise are named at the end as often as by the default campaign."""
     reached = True
@@ -136,7 +140,7 @@ def _named(seeds: int) -> bool:
             label = f"backlash:j{joint}" if kind == "backlash" else f"periodic:j{joint}:n{order}"
             arm = Arm("abb-irb120", seed, [label])
             measured, _ = arm.measured()
-            default = arm.dataset(arm.readings(arm.pool.candidates[:CALIBRATION]))
+            default = arm.dataset(arm.readings(range(CALIBRATION)))
             for name, dataset in (("adaptive", measured), ("default", default)):
                 named = {each for effect in diagnose(dataset).effects for each in effect.evidence.candidates}
                 found[name] += label in named
@@ -149,7 +153,7 @@ def _named(seeds: int) -> bool:
 def _quick() -> bool:
     """Print the processor time of a look at 35 poses, about 100 readings, and of its parts."""
     arm = Arm("abb-irb120", 1)
-    dataset = arm.dataset(arm.readings(arm.pool.candidates[:35]))
+    dataset = arm.dataset(arm.readings(range(35)))
     diagnosed_s = seconds(lambda: diagnose(dataset), tries=3)
     final = diagnose(dataset).final
     stated = StatedConditions(loads=arm.header.loads, gravity=arm.header.gravity)
@@ -173,6 +177,9 @@ def _quick() -> bool:
 
 class Arm:
     """A simulated arm in its cell, with the poses of an adaptive block."""
+
+    reading_s = _READING_S
+    readings_each = 3
 
     def __init__(self, robot: str, seed: int, effects: Sequence[str] = ()) -> None:
         self.world = World(robot, seed, effects, session=Session(readings=100, seconds=15.0))
@@ -212,12 +219,14 @@ class Arm:
         judged, added, drawn = [], set[int](), set[int]()
         looks: list[Seen] = []
         now_s, dataset = 0.0, None
+        final: IdentificationFit | None = None
         while batch:
             for i in batch:
                 now_s += float(seconds_to(self.cell, pool, here, [i])[0]) + self.campaign.settle_s
-                rows += self._read(pool.candidates[i], len(taken), now_s)
-                now_s += _READING_S * len(self.targets)
-                visits += [len(taken)] * len(self.targets)
+                read = self._read(i, len(taken), now_s, final)
+                rows += read
+                now_s += self.reading_s * self.readings_each
+                visits += [len(taken)] * len(read)
                 taken.append(pool.candidates[i].joints_deg)
                 here = np.array(taken[-1])
             dataset = self.dataset(rows)
@@ -236,8 +245,10 @@ class Arm:
                 elapsed_s=now_s,
             )
             found = look(sight, pool)
+            final = found.final
             judged += found.accuracy.misses
-            looks.append(Seen(found.accuracy, self._true_mm(dataset, now_s, len(taken)), now_s))
+            true_mm = np.nan if final is None else self._true_mm(final, now_s, len(taken))
+            looks.append(Seen(found.accuracy, true_mm, now_s))
             batch = list(found.chosen)
             numbers = range(len(taken), len(taken) + len(batch))
             added |= {*numbers}
@@ -247,24 +258,29 @@ class Arm:
 
     def default(self) -> tuple[float, float]:
         """Return the true error of the default campaign, mm, and its time without warm-up, s."""
-        rows = self.readings(self.pool.candidates[: CALIBRATION + VALIDATION])
+        rows = self.readings(range(CALIBRATION + VALIDATION))
         fitted = self.dataset(rows[: CALIBRATION * len(self.targets)])
         until_s = float(rows[-1]["t_s"]) + _READING_S
-        return self._true_mm(fitted, until_s, CALIBRATION), until_s
+        return self._true_mm(diagnose(fitted).final, until_s, CALIBRATION), until_s
 
-    def readings(self, poses: Sequence[Pose]) -> list[dict[str, Any]]:
+    def readings(
+        self, candidates: Sequence[int], final: IdentificationFit | None = None
+    ) -> list[dict[str, Any]]:
         """Return the rows of the data set that visits of some candidates give, one after the other."""
         rows: list[dict[str, Any]] = []
-        now_s, here = 0.0, np.zeros(len(poses[0].joints_deg))
-        for number, pose in enumerate(poses):
-            i = self.pool.candidates.index(pose)
+        now_s, here = 0.0, np.zeros(len(self.pool.candidates[0].joints_deg))
+        for number, i in enumerate(candidates):
             now_s += float(seconds_to(self.cell, self.pool, here, [i])[0]) + self.campaign.settle_s
-            rows += self._read(pose, number, now_s)
-            now_s += _READING_S * len(self.targets)
-            here = np.array(pose.joints_deg)
+            rows += self._read(i, number, now_s, final)
+            now_s += self.reading_s * self.readings_each
+            here = np.array(self.pool.candidates[i].joints_deg)
         return rows
 
-    def _read(self, pose: Pose, order: int, now_s: float) -> list[dict[str, Any]]:
+    def _read(
+        self, i: int, order: int, now_s: float, final: IdentificationFit | None
+    ) -> list[dict[str, Any]]:
+        """Return the rows of a visit of candidate i, which is driven as it is, whatever the model `final`."""
+        pose = self.pool.candidates[i]
         states = [self._state(pose, order, now_s + _READING_S * k) for k in range(len(self.targets))]
         return [
             row_of(self.world, order * len(self.targets) + k, "calibration", (state, target))
@@ -279,9 +295,8 @@ class Arm:
     def dataset(self, rows: list[dict[str, Any]]) -> Dataset:
         return dataset_of(TextTable.of_text(csv_text(rows), Path("cell.csv")), self.header)
 
-    def _true_mm(self, dataset: Dataset, until_s: float, poses: int) -> float:
+    def _true_mm(self, final: IdentificationFit, until_s: float, poses: int) -> float:
         """RMS error of a reading at the poses of the zone, at times within the session: of the model, and noise."""
-        final = diagnose(dataset).final
         share = np.random.default_rng(self.world.seed).uniform(0.0, 1.0, len(self.pool.zone))
         times = share * until_s
         states = [

@@ -52,6 +52,20 @@ CHANGES = (
         _ADAPTIVE,
     ),
     Change(
+        "acquisition/run/adaptive.py",
+        "    if pool.legs and found.final is not None:\n        added = driven(cell, found.final, added)\n",
+        "",
+        "stances of a ballbar are not driven through the model",
+        ("tests/acquisition/test_adaptive_ballbar.py",),
+    ),
+    Change(
+        "calib/selection/sequential.py",
+        "        columns = columns - _of_frame(model, estimate, conditions)\n",
+        "        columns = columns.copy()\n",
+        "where the cups stand counts as an error of positions",
+        _ADAPTIVE,
+    ),
+    Change(
         "calib/selection/sequential.py",
         "    most = max(seen / float(chdtri(freedom, level)), 1.0)",
         "    most = usual",

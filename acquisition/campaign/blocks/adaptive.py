@@ -5,12 +5,16 @@ the readings so far tell how accurate the model is and which poses to add (`acqu
 the poses by which the zone is judged and those that are drawn in it at random follow from the seed, so they are the
 same in every execution. The zone is the workspace of the cell, a box in the world, or a list of poses, for example
 those of the user's program. Lengths mm, angles deg, times s.
+
+With a ballbar, the candidates are the stances of a hexapod, each with its six legs, from sides and over distances that
+are drawn. A person moves the bar between the legs, while the robot rests. The accuracy is that of positions in the
+zone, relative to the cups.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
@@ -18,17 +22,28 @@ from numpy.typing import NDArray
 from pydantic import Strict, model_validator
 
 from acquisition.campaign.blocks.block import DECIMALS, Block, BlockVisit, Joints, RandomStream, Site
+from acquisition.campaign.blocks.hexapod import HexapodBlock
 from acquisition.campaign.observability import setup_of
 from acquisition.campaign.poses import Pose, draw_poses, moves_s
-from acquisition.cell.cell import Cell
+from acquisition.cell.cell import MADE_MM, Cell
 from acquisition.cell.transit import may_visit
 from acquisition.cell.workspace import targets_at
 from acquisition.errors import as_config_error
 from acquisition.file_table import Rows, Table, refused, told
+from calib.arm import LEGS
 from calib.array import Array
 from calib.data import Conditions, Noise
 from calib.model import ModelStructure, StatedConditions, conditions_of
-from calib.selection import Design, WorkingZone, rows_of_visits, usual_covariance, zone_of
+from calib.selection import (
+    Balls,
+    Design,
+    WorkingZone,
+    model_of_lengths,
+    rows_of_visits,
+    usual_covariance,
+    zone_of,
+)
+from calib.units import DEG
 from drivers.errors import ConfigError
 
 BATCH = 5  # poses between two looks at the readings
@@ -115,17 +130,22 @@ class AdaptiveBlock(Block):
         return [pool.visit(site, i, number) for number, i in enumerate(order, start=1)]
 
 
+Legs = tuple[tuple[str, str], ...]
+
+
 @dataclass(frozen=True)
 class Pool:
     """The poses of an adaptive block.
 
     `candidates` may be measured. Those from `drawn` on are drawn in the zone at random, as are the poses `zone`, at
-    which the accuracy is judged and which are not measured.
+    which the accuracy is judged and which are not measured. `legs` are those of each candidate, target and ball on the
+    base; empty if points are measured.
     """
 
     candidates: tuple[Pose, ...]
     drawn: int
     zone: tuple[Pose, ...]
+    legs: tuple[Legs, ...] = ()
 
     def joints(self, which: Sequence[int] | None = None) -> Array:
         """Return the joint angles (n, N) of all candidates, or of some, deg."""
@@ -138,8 +158,16 @@ class Pool:
 
     def visit(self, site: Site, i: int, number: int) -> BlockVisit:
         """Return the visit of candidate i, which is the pose `number` of its block."""
-        pose = self.candidates[i]
-        return site.visit(f"pose {number}", pose.joints_deg, pose.sides, reach_deg=pose.reach_deg)
+        pose, legs = self.candidates[i], self.legs[i] if self.legs else ()
+        return site.visit(f"pose {number}", pose.joints_deg, pose.sides, legs, pose.reach_deg)
+
+    def goal(self, joints_deg: Joints, readings: Sequence[tuple[str, str | None]]) -> Joints:
+        """Return the joints of the candidate for which a robot was driven to these joints, perhaps through a model."""
+        if not self.legs:
+            return joints_deg
+        alike = [i for i, legs in enumerate(self.legs) if set(legs) == set(readings)]
+        apart = np.abs(self.joints(alike) - np.array(joints_deg)).max(axis=1)
+        return self.candidates[alike[int(np.argmin(apart))]].joints_deg
 
 
 def _before(poses: Sequence[Pose]) -> Array:
@@ -180,7 +208,11 @@ def pool_of(block: AdaptiveBlock, site: Site) -> Pool:
         )
 
     with as_config_error(f"block {site.number + 1}: "):
-        candidates = drawn(_CANDIDATES, LEAST * 2, None)
+        legs: list[Legs] = []
+        if cell.instrument.declared.measures_lengths:
+            candidates, legs = _stances(site, rng)
+        else:
+            candidates = drawn(_CANDIDATES, LEAST * 2, None)
         if block.zone_joints_deg is not None:
             zone = _given(block.zone_joints_deg, site, rng)
             before, joints = _before(zone), np.array([pose.joints_deg for pose in zone])
@@ -196,7 +228,38 @@ def pool_of(block: AdaptiveBlock, site: Site) -> Pool:
                     f"zone: {error.message}; make the box larger, or move it to where the robot reaches"
                 ) from error
             probes, zone = zone[: len(zone) // 3], zone[len(zone) // 3 :]
+    if legs:  # a bar cannot be put between any two places in the zone: some stances are drawn instead
+        mixed = rng.permutation(len(candidates)).tolist()
+        candidates, legs = [candidates[i] for i in mixed], [legs[i] for i in mixed]
+        return Pool(tuple(candidates), len(candidates) - len(candidates) // 4, tuple(zone), tuple(legs))
     return Pool((*candidates, *probes), len(candidates), tuple(zone))
+
+
+def _stances(site: Site, rng: np.random.Generator) -> tuple[list[Pose], list[Legs]]:
+    """Return all stances of a hexapod that the arm reaches, with drawn approaches, and their legs.
+
+    Raises
+    ------
+    ConfigError
+        The legs lie between other than three balls each, or too few stances can be driven.
+    """
+    visits = HexapodBlock(kind="hexapod", configurations="all").visits_at(site)
+    joints = np.array([visit.joints_deg for visit in visits])
+    shape, approach = joints.shape, site.approach
+    sides = (
+        rng.choice((-1, 1), size=shape)
+        if approach.sides == "both"
+        else np.array([visits[0].sides] * len(visits))
+    )
+    reach = np.round(rng.uniform(abs(approach.offset_deg), approach.usual_longest_deg, len(visits)), DECIMALS)
+    good = np.flatnonzero(may_visit(site.cell, joints, joints - sides * reach[:, None]))
+    if len(good) < 2 * LEAST:
+        raise ConfigError(
+            f"the arm reaches only {len(good)} stances of the legs, {2 * LEAST} are needed; find a better place for "
+            "the cups with truepose plan-ballbar"
+        )
+    poses = [Pose(visits[i].joints_deg, tuple(sides[i].tolist()), float(reach[i])) for i in good]
+    return poses, [tuple(visits[i].distances) for i in good]
 
 
 def _given(rows: Sequence[Joints], site: Site, rng: np.random.Generator) -> list[Pose]:
@@ -225,36 +288,79 @@ def first_of(site: Site, pool: Pool) -> tuple[list[int], Design, float]:
         The robot or the targets cannot be calibrated so.
     """
     with as_config_error(f"block {site.number + 1}: "):
-        setup = setup_of(site.cell, site.targets)
-        model = setup.model()
-        stated = StatedConditions(loads=setup.loads)
+        model, noise = unmeasured(site)
+        stated = StatedConditions(loads=site.cell.loads)
     estimate = np.zeros(len(model.parameters))
-    rows, zone = seen_by(site, pool, model, estimate, stated, setup.noise)
+    rows, zone = seen_by(site, pool, model, estimate, stated, noise)
     design = Design(rows, zone.spread, usual_covariance(model))
     chosen, design = design.best(LEAST if len(site.targets) == 1 else FIRST)
     return chosen, design, zone.floor_mm
+
+
+def unmeasured(site: Site) -> tuple[ModelStructure, Noise]:
+    """Return the base model before any reading, and the noise of the readings.
+
+    Raises
+    ------
+    DataError
+        The robot or the targets cannot be calibrated so.
+    """
+    cell = site.cell
+    if not cell.instrument.declared.measures_lengths:
+        setup = setup_of(cell, site.targets)
+        return setup.model(), setup.noise
+    tool = {name: cell.tool.targets[name] for name in site.targets}
+    stated_mm = {name: cell.tool.stated_mm.get(name, MADE_MM) for name in tool}
+    noise = Noise(
+        "isotropic",
+        length_mm=cell.instrument.noise.length_mm,
+        repeatability=cell.robot.repeatability_deg * DEG,
+        repeatability_mm=cell.robot.repeatability_mm,
+    )
+    return model_of_lengths(cell.robot.model, Balls(tool, cell.nests, stated_mm)), noise
 
 
 def seen_by(
     site: Site, pool: Pool, model: ModelStructure, estimate: Array, stated: StatedConditions, noise: Noise
 ) -> tuple[Array, WorkingZone]:
     """Return the whitened rows of the candidates and the zone, as a model sees them."""
-    candidates = visits_of(site, pool.candidates, model, stated)
+    candidates = visits_of(site, pool.candidates, model, stated, pool.legs)
     zone = visits_of(site, pool.zone, model, stated)
     return (
-        rows_of_visits(model, estimate, candidates, noise, len(site.targets)),
+        rows_of_visits(model, estimate, candidates, noise, readings_in(site)),
         zone_of(model, estimate, zone, noise),
     )
 
 
+def readings_in(site: Site) -> int:
+    """Return the number of readings in each pose: one of every target, or of every leg."""
+    return len(LEGS) if site.cell.instrument.declared.measures_lengths else len(site.targets)
+
+
+def numbers_in(site: Site) -> int:
+    """Return how many numbers are measured in each pose: three for a point, one for a length."""
+    return readings_in(site) * (1 if site.cell.instrument.declared.measures_lengths else 3)
+
+
 def visits_of(
-    site: Site, poses: Sequence[Pose], model: ModelStructure, stated: StatedConditions
+    site: Site,
+    poses: Sequence[Pose],
+    model: ModelStructure,
+    stated: StatedConditions,
+    legs: Sequence[Legs] = (),
 ) -> Conditions:
-    """Return the conditions of poses in which every target of the block is read."""
-    robot, many = site.cell.robot, len(site.targets)
+    """Return the conditions of poses in which every target of the block is read, or every leg."""
+    robot, many = site.cell.robot, len(legs[0]) if legs else len(site.targets)
     joints = np.repeat(robot.model_angles(np.array([pose.joints_deg for pose in poses])), many, axis=0)
     before = np.repeat(robot.model_angles(_before(poses)), many, axis=0)
-    return conditions_of(model, joints, before, stated, site.targets * len(poses))
+    targets = [target for each in legs for target, _ in each] or site.targets * len(poses)
+    conditions = conditions_of(model, joints, before, stated, targets)
+    if not legs:
+        return conditions
+    balls = tuple(model.anchors)
+    anchor = np.array([balls.index(ball) for each in legs for _, ball in each])
+    visit = np.repeat(np.arange(len(poses)), many)
+    return replace(conditions, anchor=anchor, anchor_names=balls, visit=visit)
 
 
 def seconds_to(cell: Cell, pool: Pool, here_deg: Array, which: Sequence[int] | None = None) -> Array:

@@ -15,6 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from acquisition.campaign.blocks.adaptive import AdaptiveBlock, pool_of
 from acquisition.campaign.blocks.block import BlockVisit, Joints, rounded
 from acquisition.campaign.blocks.hexapod import HexapodBlock
 from acquisition.campaign.blocks.sphere import SphereBlock
@@ -155,7 +156,8 @@ class Placing:
                 visits.setdefault(planned.visit.number, []).append(planned)
         moved = left_out = 0
         for number, block in enumerate(self._campaign.blocks):
-            if not isinstance(block, HexapodBlock | SphereBlock) or not block.lengths:
+            adaptive = isinstance(block, AdaptiveBlock)
+            if not adaptive and (not isinstance(block, HexapodBlock | SphereBlock) or not block.lengths):
                 continue
             untouched = [
                 group
@@ -178,7 +180,7 @@ class Placing:
         self,
         there: Cell,
         number: int,
-        recipe: HexapodBlock | SphereBlock,
+        recipe: AdaptiveBlock | HexapodBlock | SphereBlock,
         groups: Sequence[Sequence[PlannedReading]],
     ) -> list[BlockVisit | None]:
         """Find for each pose the one with the same legs in the same branch in the moved cell.
@@ -187,6 +189,10 @@ class Placing:
         """
         site = site_of(there, self._campaign, number)
         try:
+            if isinstance(recipe, AdaptiveBlock):
+                pool = pool_of(recipe, site)
+                found = [pool.visit(site, i, 0) for i in range(len(pool.candidates))]
+                return [_same_pose(group[0].visit, found) for group in groups]
             if isinstance(recipe, HexapodBlock):
                 found = recipe.model_copy(update={"count": None, "configurations": "all"}).visits_at(site)
                 return [_same_pose(group[0].visit, found) for group in groups]

@@ -18,7 +18,7 @@ from typing import Any
 
 from acquisition import Campaign, Cell, Devices, LeaseDeadline, State
 from acquisition.campaign import campaign_of_record
-from acquisition.loop import Compute, LoopResult, check_loop
+from acquisition.loop import Compute, LoopResult
 from acquisition.record import DeviceAcceptance
 from calib.text import replace_file
 from drivers.errors import AcquisitionError
@@ -138,7 +138,6 @@ class LoopStore:
         ConfigError, UnsafePlan
             The campaign cannot be used, or its plan is unsafe.
         """
-        check_loop(cell)
         _, total = self._workers.call(readings_of, cell, table)
         found = expected.words or f"{counted(total, 'reading')} in the first campaign; nothing has moved."
         reason = f"Checked only: {found}"
@@ -164,7 +163,6 @@ class LoopStore:
         ConfigError, UnsafePlan
             The loop or its campaign cannot be used.
         """
-        check_loop(cell)
         self._book.refuse_busy()
         devices = self._open_devices(cell)
         status = self._new(name or cell.name, State.RUNNING, expected)

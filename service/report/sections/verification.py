@@ -34,10 +34,15 @@ def floor_in_words(verification: Verification) -> str:
 
 def scope_in_words(verification: Verification) -> str:
     """Return the scope of the values as text."""
+    what = "position errors against where the nominal robot would put the targets"
+    if verification.of_lengths:
+        what = (
+            "errors of lengths along the ballbar, not of positions, against the lengths that the nominal robot would "
+            "hold; no pose was driven uncorrected"
+        )
     text = (
         f"{wording.counted(verification.poses, 'new pose')}, {wording.counted(verification.verified.n, 'reading')}; "
-        f"approach {verification.approach}; "
-        "position errors against where the nominal robot would put the targets"
+        f"approach {verification.approach}; {what}"
     )
     if verification.refused:
         count = len(verification.refused)

@@ -58,3 +58,6 @@ class OutlookShown(ResponseBody):
     minutes: Annotated[float, told("All of these, min.", 17.0)]
     limit_mm: Annotated[float, told("The limit that is expected, mm.", 0.051)]
     floor_mm: Annotated[float, told("Noise and repeatability in one reading, mm.", 0.038)]
+    mountings: Annotated[
+        int, told("Number of times that a person puts a ballbar between two balls; 0 without one.", 0)
+    ] = 0

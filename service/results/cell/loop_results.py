@@ -48,9 +48,14 @@ class Verified(ResponseBody):
     ratio: Annotated[float, told("Verified over floor, a ratio.", 1.07)]
     poses: Annotated[int, told("Number of new poses.", 20)]
     refused: Annotated[list[str], told("Targets that could not be corrected.", [])]
-    nests_off_mm: Annotated[float | None, told("By how much the nests had moved, mm.", 0.01)]
+    nests_off_mm: Annotated[
+        float | None, told("By how much the nests had moved, mm; null for a ballbar.", 0.01)
+    ]
     approach: Annotated[str, told("The side of approach.", "from below")]
     accepted: Annotated[list[str], told("Other devices that were accepted.", [])]
+    of_lengths: Annotated[
+        bool, told("The errors are those of lengths along a ballbar, not of positions.", False)
+    ] = False
 
 
 class RivalsBefore(ResponseBody):
