@@ -88,7 +88,7 @@ export function open(root, id) {
       }
       const o = road.checked && road.checked.outlook;
       if (!o) return [];
-      return [fact(t("poses"), o.poses === null ? t("moreThan", { n: o.most }) : t("about", { n: o.poses }), t("readingsEach", { n: o.targets })), fact(t("time"), t("aboutMin", { n: number(o.minutes, 0) }), t("minutesMost", { n: road.wish.minutes })), fact(t("expected"), `${number(o.limit_mm, 3)} mm`, t("wantedFloor", { mm: number(o.wanted_mm, 2), floor: number(o.floor_mm, 3) }))];
+      return [fact(t("poses"), o.poses === null ? t("moreThan", { n: o.most }) : t("about", { n: o.poses }), t("readingsEach", { n: o.targets })), o.mountings && fact(t("mountings"), t("about", { n: o.mountings }), t("mountingsHint")), fact(t("time"), t("aboutMin", { n: number(o.minutes, 0) }), t("minutesMost", { n: road.wish.minutes })), fact(t("expected"), `${number(o.limit_mm, 3)} mm`, t("wantedFloor", { mm: number(o.wanted_mm, 2), floor: number(o.floor_mm, 3) }))].filter(Boolean);
     });
     proof.hidden = lengths || looks; asked.hidden = by !== "nobody"; confirm.hidden = !ready || looks || by === "other" || busy();
     options.show();

@@ -404,6 +404,8 @@ const WORDS = {
   minutesMost: "{n} min at most",
   moreThan: "> {n}",
   readingsEach: "{n} readings each, chosen while measuring",
+  mountings: "Mountings",
+  mountingsHint: "of the bar, by a person",
   wantedFloor: "{mm} mm are wanted; noise and repeatability alone are {floor} mm",
   moreSettings: "More settings",
   measureOnly: "Measure and diagnose only: the robot moves",
