@@ -138,7 +138,7 @@ def _motion(points: Array, moved: Array) -> tuple[Array, Array]:
     """Return the small shift and turn that move points (n, 3) so."""
     sides = [np.cross(axis, points).ravel() for axis in np.eye(3)]
     shifts = [np.tile(axis, len(points)) for axis in np.eye(3)]
-    found: Array = np.linalg.lstsq(np.column_stack([*shifts, *sides]), moved.ravel(), rcond=None)[0]
+    found = np.asarray(np.linalg.lstsq(np.column_stack([*shifts, *sides]), moved.ravel())[0], np.float64)
     return found[:3], found[3:]
 
 
