@@ -19,8 +19,8 @@ in the zone would: then only poses that were drawn at random count. Lengths mm, 
 
 With a ballbar the stances are those of the cups as touched. From the second batch on, the robot is driven to them
 through the model so far, and their legs are then within the stroke of the bar. A leg of the first poses that was
-not is given up: a leg of a later pose tells as much. The misses of legs do not show how wrong this model is where no
-leg reaches: every limit begins with the most that the covariance allows one model there, at the level of the limit.
+not is skipped: a leg of a later pose tells as much. The misses of legs do not show how wrong this model is where no
+leg reaches. So every limit begins with the largest error that the covariance allows one model, at its own level.
 """
 
 from __future__ import annotations
@@ -258,7 +258,7 @@ def look(sight: Sight, pool: Pool) -> Look:
 
 
 def _margin_mm(pool: Pool, design: Design, level: float) -> float:
-    """Return what one model may be off beyond what is expected of it, where no leg of a ballbar reaches, mm."""
+    """Return the error of one model beyond the expected one, at a level, mm; 0 if points are measured."""
     if not pool.legs:
         return 0.0
     return float(np.sqrt(model_limit(design.spread, design.covariance, level) - design.variance))

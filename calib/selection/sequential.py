@@ -19,11 +19,12 @@ draws; Pocock 1977 has such constants for normal ones).
 second that it costs. With C the covariance of the parameters, A = mean of X'X over the zone, X the derivative of a
 target, and B the whitened rows of a pose, a pose lowers tr(A C) by tr[(I + B C B')^-1 B C A C B'].
 
-**Lengths.** A ballbar measures distances to balls on the base, and nothing says where these stand in the world. The
+**Lengths.** A ballbar measures distances to balls on the base, whose place in the world is unknown. The
 error of a position is then that relative to the balls: the rigid motion that carries their places as identified to
 their true ones is no part of it. Legs lie in a part of the zone, and their misses do not show how wrong this model is
-elsewhere. Its mean square error there is e' A e with e of covariance C, which one model may exceed: by Satterthwaite
-it is distributed as tr(A C) chi2 / nu, nu = tr(A C)^2 / tr(A C A C), and the limit takes the quantile.
+elsewhere. Its mean square error there is e' A e, where e has covariance C, and its mean is tr(A C). One model may
+exceed that mean. By Satterthwaite the error is distributed as tr(A C) chi2 / nu, nu = tr(A C)^2 / tr(A C A C); a limit
+takes the quantile at its level.
 Source of the criterion: Klimchik et al. 2012 (arXiv 1211.5739), as the test-pose criterion.
 """
 
