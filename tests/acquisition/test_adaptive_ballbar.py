@@ -79,6 +79,22 @@ def test_only_the_first_poses_have_legs_out_of_stroke(undisturbed: Bar) -> None:
         assert goal not in {each.joints_deg for each in first}
 
 
+def test_the_limits_allow_for_what_one_model_may_be_off_where_no_leg_reaches(
+    undisturbed: Bar, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The limit that decides allows for more than the one that is stated."""
+    allowed = adaptive.look_at(undisturbed.folder)[0]
+    monkeypatch.setattr(adaptive, "model_limit", lambda spread, covariance, _: np.sum(spread * covariance))
+    alone = adaptive.look_at(undisturbed.folder)[0]
+    assert allowed.rms_mm == alone.rms_mm
+    assert allowed.bound_mm is not None
+    assert allowed.deciding_mm is not None
+    assert alone.bound_mm is not None
+    assert alone.deciding_mm is not None
+    more, deciding = allowed.bound_mm / alone.bound_mm, allowed.deciding_mm / alone.deciding_mm
+    assert 1.01 < more < deciding
+
+
 def _pool(bar: Bar) -> adaptive.Pool:
     campaign = bar.run.campaign
     found = adaptive.block_of(campaign)
