@@ -19,7 +19,7 @@ from service import exit_codes
 Refusal = AcquisitionError | DataError
 REFUSALS = (AcquisitionError, DataError)
 # An absolute path; no URL, in which the slashes follow a colon, and no path of the interface
-_PLACE = re.compile(r"(?<![\w:/.])(?!/(?:api|cell|loops|runs)/)(?:/|[A-Za-z]:[\\/])[^\s:'\"]+")
+_PLACE = re.compile(r"(?<![\w:/.])(?!/(?:api|cell|loops|runs|verifications)/)(?:/|[A-Za-z]:[\\/])[^\s:'\"]+")
 
 
 def sentence(refusal: Refusal) -> str:

@@ -10,9 +10,11 @@ from acquisition.loop.loop import (
     LoopEnded,
     LoopResult,
     Say,
+    Targets,
     close_loop,
     diagnosed,
 )
+from acquisition.loop.proof import ProofPlan, clock_of, plan_of_proof, prove, usable_here
 from acquisition.loop.rehearsal import targets_csv
 
 __all__ = [
@@ -23,14 +25,20 @@ __all__ = [
     "LoopEnded",
     "LoopResult",
     "Outlook",
+    "ProofPlan",
     "Say",
+    "Targets",
     "calibration_campaign",
     "campaign_table",
     "campaign_text",
+    "clock_of",
     "close_loop",
     "diagnosed",
     "fits",
     "in_cell",
+    "plan_of_proof",
+    "prove",
     "rehearsal",
     "targets_csv",
+    "usable_here",
 ]

@@ -68,9 +68,11 @@ def judge_legs(
         raise RecordError(f"{record}: holds no leg of a new pose")
     names, targets = list(there.tool.targets), [row.target for row in rows]
     cups = np.array([there.nests[row.base_target or ""] for row in rows])
-    at = targets_at(there, np.array([goals[rounded(row.joints)] for row in rows]))
-    leg = at[np.arange(len(rows)), [names.index(target) for target in targets]] - cups
+    poses = np.array([goals[rounded(row.joints)] for row in rows])
+    required = targets_at(there, poses)[np.arange(len(rows)), [names.index(target) for target in targets]]
+    leg = required - cups
     wanted = np.linalg.norm(leg, axis=1)
+    direction = leg / wanted[:, None]
     robot, noise = final.model.robot, diagnosis.dataset.header.noise
     driven, before = (
         cell.robot.model_angles(np.array([getattr(row, name) for row in rows]))
@@ -79,13 +81,17 @@ def judge_legs(
     stated = StatedConditions(loads=cell.loads, series=tuple(final.model.targets)[-1])
     design = BoundModel(final.model, conditions_of(final.model, driven, before, stated, targets))
     moves = design.frames(np.zeros_like(final.estimate), robot.joint_slots).velocities(robot.joint_slots)
-    along = np.einsum("na,jan->nj", leg / wanted[:, None], moves) * noise.of_each_joint(robot.kinds)
-    floor = float(np.sqrt(np.mean(np.sum(along**2, axis=1)) + noise.length_mm**2))
+    along = np.einsum("na,jan->nj", direction, moves) * noise.of_each_joint(robot.kinds)
+    variance = np.sum(along**2, axis=1) + noise.length_mm**2
     return JudgedLandings(
-        distances=np.abs(np.array([row.length_mm for row in rows]) - wanted),
+        errors=(np.array([row.length_mm for row in rows]) - wanted)[:, None] * direction,
         corrected=np.ones(len(rows), dtype=bool),
-        floor_mm=np.full(len(rows), floor),
+        floor_mm=np.full(len(rows), float(np.sqrt(np.mean(variance)))),
         off_mm=None,
+        u_mm=2.0 * np.sqrt(variance),
+        goals_deg=poses,
+        wanted=required,
+        target=tuple(targets),
     )
 
 

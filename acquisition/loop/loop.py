@@ -10,7 +10,8 @@ drift continues where it was.
 
 The corrected targets are the joints that a diagnosis commands, if the cell can take them. A correction is valid for an
 approach from one side, and for the time and the air temperature of its measurement. If the model follows time or
-temperature, every pose is corrected just before it is driven. Angles in deg.
+temperature, every pose is corrected just before it is driven; a pose that an interruption has caught is corrected, and
+checked, once more. Whether a pause, a crash or the end of a program interrupted it makes no difference. Angles in deg.
 
 With a ballbar the new poses are stances of its legs (`loop.leg_verification`), and there are no follow-up poses.
 """
@@ -62,11 +63,11 @@ from acquisition.run.outcome import ExecutionOutcome
 from acquisition.run.run import Run
 from acquisition.run.status import read_status
 from calib.array import Array
-from calib.compensate import Bounds, Correction, Usable, correct, refuse_unlikely, usable
-from calib.data import Dataset, read_dataset
+from calib.compensate import Bounds, Correction, correct, refuse_unlikely
+from calib.data import read_dataset
 from calib.diagnose import DiagnosisFit, FollowUp, diagnose
 from calib.model import FLANGE, ModelStructure, StatedConditions, series_of
-from calib.saved import refuse_worse
+from calib.saved import CalibratedModel, as_saved, refuse_worse
 from calib.units import DEG
 
 FEW = 1  # poses that are corrected at once if the model follows time or temperature
@@ -81,6 +82,9 @@ Diagnose = Callable[[Path, Say], DiagnosisFit]
 APPROACH_DEG = -5.0  # from below on every joint (Nubiola 2.5): the condition for which corrections are valid
 _APPROACH = Approach(offset_deg=APPROACH_DEG, sides="one")
 _LEVER_MM = 500.0  # that turns an angle into a length
+AGAIN = "verification: what an interruption has caught is corrected again"
+_LOOP = "the loop"
+_OLD = "Its targets were corrected for a time before an interruption; they are driven corrected again."
 _FOLLOWS_MM = 0.002  # movement within a quarter of an hour or 0.3 K below which it does not
 
 
@@ -129,15 +133,17 @@ class Equipment:
     lease
         Returns the lease under which the robot moves.
     create
-        Creates the record of a campaign at the folder that the loop proposes.
+        Creates the record of a campaign at the folder that the loop proposes, or opens the one that is there.
+    place
+        Returns the folder where `create` puts the record that the loop proposes.
+    rests
+        Counts how often the loop has rested for a person, also between two campaigns.
     resumed
         Called when a campaign was paused; it waits for a person, who resumes the run. False ends the loop.
     compute
         Calls functions of a module that take seconds; in another process if a person must be served meanwhile.
     diagnose
         Makes the diagnosis, which takes minutes; in another process likewise.
-    place
-        Returns the folder of the record that `create` makes for a proposed one.
     confirm
         Asks a person whether the motion that a text describes may begin. False ends the loop.
     begin
@@ -153,6 +159,7 @@ class Equipment:
     lease: Callable[[], LeaseDeadline | None] = lambda: None
     create: Create = new_run
     place: Callable[[Path], Path] = lambda record: record
+    rests: Callable[[], int] = lambda: 0
     resumed: Resumed = lambda run, outcome: False
     compute: Compute = here
     diagnose: Diagnose = diagnosed
@@ -248,7 +255,12 @@ def close_loop(
     if not equipment.confirm(motion):
         raise LoopEnded(ExecutionOutcome(State.PAUSED, "The corrected targets were not driven."))
     say("campaign 2: driving corrected targets")
-    return verify(equipment, campaign, folder, first, last, data, diagnosis, followed_up, poses)
+    saved = as_saved(diagnosis.final, diagnosis)
+    targets, verification = verify(
+        equipment, campaign, folder, saved, first, last, poses, say, diagnosis=diagnosis
+    )
+    accuracy = read_status(first.record).accuracy
+    return LoopResult(data, diagnosis, targets, verification, followed_up, accuracy)
 
 
 def follow_up_of(cell: Cell, diagnosis: DiagnosisFit) -> FollowUp | None:
@@ -303,14 +315,31 @@ def measure(
     RecordError
         The record cannot be written.
     """
+    measured = _measured(equipment, campaign, record, like, rests=None)
+    assert measured is not None
+    return measured
+
+
+def _measured(
+    equipment: Equipment, campaign: Campaign, record: Path, like: MeasuredCampaign | None, rests: int | None
+) -> MeasuredCampaign | None:
+    """Measure as `measure` does; with `rests`, return None instead if the loop has rested since it counted so often.
+
+    The targets are then old, and the run is ended.
+    """
     with equipment.create(record, equipment.cell, campaign, equipment.simulated) as run:
         age_s = run.age_s(equipment.clock)
         if like is not None and not age_s:
             run.expect(list(individuals_of(like.record).values()))
         began_s = equipment.clock.now() - age_s
-        outcome = _executed(equipment, run)
-        while outcome.state is State.PAUSED and equipment.resumed(run, outcome):
-            outcome = _executed(equipment, run)
+        stale = rests is not None and equipment.rests() != rests
+        outcome = ExecutionOutcome(State.PAUSED, _OLD) if stale else _executed(equipment, run)
+        while not stale and outcome.state is State.PAUSED and equipment.resumed(run, outcome):
+            stale = rests is not None
+            outcome = outcome if stale else _executed(equipment, run)
+        if stale:
+            run.stop(by=_LOOP, reason=_OLD)
+            return None
         measured = MeasuredCampaign(run.folder, began_s)
     if outcome.state is not State.SUCCEEDED:
         raise LoopEnded(outcome)
@@ -335,99 +364,168 @@ def verify(
     equipment: Equipment,
     campaign: Campaign,
     folder: Path,
+    saved: CalibratedModel,
     first: MeasuredCampaign,
     last: MeasuredCampaign,
-    data: Path,
-    diagnosis: DiagnosisFit,
-    followed_up: FollowUpResult | None,
     poses: int,
-) -> LoopResult:
+    say: Say,
+    *,
+    since_s: float = 0.0,
+    diagnosis: DiagnosisFit | None = None,
+) -> tuple[Targets, Verification]:
     """Drive corrected targets of new poses, and the same uncorrected, and judge the landings.
 
-    `first` is the campaign that defines the world frame and the clock; `last` is the one measured last.
+    Parameters
+    ----------
+    campaign
+        Seed of the poses; settle time, samples and retries of the readings; the robot that is needed.
+    saved
+        The whole model; its terms that need a campaign correct nothing.
+    first, last
+        The campaign that defines the world frame, and the one measured last.
+    since_s
+        Time on the clock of the model when `first` began, s; NaN if it is not known.
+    diagnosis
+        That of the calibration, which a ballbar needs: its cups, its balls and the poses that it has measured.
+
+    Raises
+    ------
+    LoopEnded
+        A campaign ended early.
+    UnsafePlan
+        No new pose can be corrected.
+    DataError
+        The model corrects more than is plausible, or needs a condition that is not known.
     """
-    dataset, final = diagnosis.dataset, diagnosis.final
-    usual = StatedConditions(loads=dataset.header.loads, gravity=dataset.header.gravity)
-    used = usable(final.model, final.estimate, final.covariance, usual, coupling=dataset.header.coupling)
-    refuse_unlikely(used.model, used.estimate, usual, Bounds(), coupling=dataset.header.coupling)
-    soon = conditions_soon(equipment, dataset, first, last)
+    used, _ = saved.for_use()
+    soon = conditions_soon(equipment, used, first, last, since_s)
+    refuse_unlikely(used.model, used.estimate, soon, Bounds(), coupling=used.coupling)
     wanted: Array
     refused: list[str]
-    wanted, refused = equipment.compute(new_targets, equipment.cell, campaign.seed, diagnosis, soon, poses)
-    follows = follows_conditions(dataset, diagnosis, wanted)
+    wanted, refused = equipment.compute(
+        new_targets, equipment.cell, campaign.seed, used, soon, poses, diagnosis
+    )
+    follows = follows_conditions(equipment.cell, used, wanted)
     size = FEW if follows else len(wanted)
+    if follows:  # those measured before an interruption come first: at another time others can be corrected
+        wanted = _measured_first(equipment, folder, wanted, diagnosis)
     devices = individuals_of(first.record)
     batches: list[JudgedLandings] = []
     accepted: dict[str, None] = {}
     sent: list[Array] = []
-    for number, begin in enumerate(range(0, len(wanted), size), start=2):
+    begin, number = 0, 1
+    while begin < len(wanted):
+        number += 1
         goals, record = wanted[begin : begin + size], folder / f"campaign{number}"
-        begun = targets_of_record(equipment.place(record))
+        begun, rests = targets_of_record(equipment.place(record)), equipment.rests()
+        if begun is not None and follows and not _finished(equipment.place(record)):
+            if read_status(equipment.place(record)).reason != _OLD:
+                with equipment.create(record, equipment.cell, campaign, equipment.simulated) as old:
+                    old.stop(by=_LOOP, reason=_OLD)
+                say(AGAIN)
+            continue
         if begun is not None:  # by an earlier program
-            if follows and read_status(equipment.place(record)).state != State.SUCCEEDED.value:
-                refused.append("it was corrected for a time before the calibration was interrupted")
-                continue
-            joints, then = begun
-            goals = stances_near(equipment.cell, diagnosis, _APPROACH, joints)[0] if then is None else then
+            joints, goals = begun[0], _goals_of(equipment.cell, begun, diagnosis)
         else:
-            stated = conditions_soon(equipment, dataset, first, last)
-            done = equipment.compute(correction, equipment.cell, diagnosis, goals, stated)
+            stated = conditions_soon(equipment, used, first, last, since_s)
+            done = equipment.compute(correction, equipment.cell, used, goals, stated)
             joints = np.round(done.joints / equipment.cell.robot.model.joint_units, DECIMALS)
             keep = np.all(np.isfinite(joints), axis=1) & clear(equipment.cell, joints)
             refused += ["the temperature moved it out of reach"] * int(np.sum(~keep))
             goals, joints = goals[keep], joints[keep]
-        if not len(goals):
-            continue
-        driven = campaign_of(campaign, joints, goals, _legs_at(equipment.cell, diagnosis, goals))
-        second = measure(equipment, driven, record, last)
-        batches.append(_judged(equipment, second, first, joints, goals, diagnosis, devices))
-        for each in individuals_of(second.record).values():
-            if each.reason:
-                accepted[each.why()] = None
-        sent.append(np.hstack([goals, joints]))
-        last = second
+        if len(goals):
+            corrected = campaign_of(campaign, joints, goals, _legs_at(equipment.cell, diagnosis, goals))
+            may_age = follows and begun is None
+            second = _measured(equipment, corrected, record, last, rests if may_age else None)
+            if second is None:
+                say(AGAIN)
+                continue
+            later_s = float(np.nan_to_num(since_s)) + second.began_s - first.began_s
+            batches.append(
+                _judged(second, first, joints, goals, saved, equipment.cell, later_s, devices, diagnosis)
+            )
+            for each in individuals_of(second.record).values():
+                if each.reason:
+                    accepted[each.why()] = None
+            sent.append(np.hstack([goals, joints]))
+            last = second
+        begin += size
     if not sent:
         raise UnsafePlan(f"none of {len(wanted)} corrected targets can be driven: {refused[-1]}")
     both = np.vstack(sent)
     half = both.shape[1] // 2
     approach = f"{APPROACH_DEG:g} deg on every joint"
     verification = verification_of(batches, len(both), refused, approach, list(accepted))
-    targets = Targets(both[:, :half], both[:, half:], tuple(refused))
-    accuracy = read_status(first.record).accuracy
-    return LoopResult(data, diagnosis, targets, verification, followed_up, accuracy)
+    return Targets(both[:, :half], both[:, half:], tuple(refused)), verification
+
+
+def _finished(record: Path) -> bool:
+    return read_status(record).state == State.SUCCEEDED.value
+
+
+def _goals_of(cell: Cell, begun: tuple[Array, Array | None], diagnosis: DiagnosisFit | None) -> Array:
+    """Return the poses (k, N), deg, whose correction a record drives; a record of legs has only the corrected joints."""
+    joints, goals = begun
+    if goals is None:
+        assert diagnosis is not None
+        goals = stances_near(cell, diagnosis, _APPROACH, joints)[0]
+    return goals
+
+
+def _measured_first(
+    equipment: Equipment, folder: Path, wanted: Array, diagnosis: DiagnosisFit | None
+) -> Array:
+    """Return as many poses (k, N), deg: first those of finished campaigns, then others of `wanted`."""
+    done: list[Array] = []
+    number = 2
+    while (begun := targets_of_record(record := equipment.place(folder / f"campaign{number}"))) is not None:
+        done += [_goals_of(equipment.cell, begun, diagnosis)] if _finished(record) else []
+        number += 1
+    if not done:
+        return wanted
+    first = np.vstack(done)
+    new = ~np.any(np.all(np.isclose(wanted[:, None], first[None]), axis=2), axis=1)
+    return np.vstack([first, wanted[new]])[: len(wanted)]
 
 
 def _judged(
-    equipment: Equipment,
     second: MeasuredCampaign,
     first: MeasuredCampaign,
     joints: Array,
     goals: Array,
-    diagnosis: DiagnosisFit,
+    saved: CalibratedModel,
+    cell: Cell,
+    later_s: float,
     devices: Mapping[str, Individual],
+    diagnosis: DiagnosisFit | None,
 ) -> JudgedLandings:
     wanted = {tuple(q.tolist()): tuple(goal.tolist()) for q, goal in zip(joints, goals, strict=True)}
-    cell, later_s = equipment.cell, second.began_s - first.began_s
     if cell.instrument.declared.measures_lengths:
+        assert diagnosis is not None
         return judge_legs(second.record, wanted, cell, diagnosis)
-    landings, world = read_landings(second.record), world_of(first.record)
-    return judge(landings, wanted, diagnosis.dataset, diagnosis.final, world, cell, later_s, devices)
+    return judge(read_landings(second.record), wanted, saved, world_of(first.record), cell, later_s, devices)
 
 
-def _legs_at(cell: Cell, diagnosis: DiagnosisFit, goals_deg: Array) -> list[list[tuple[str, str]]]:
+def _legs_at(cell: Cell, diagnosis: DiagnosisFit | None, goals_deg: Array) -> list[list[tuple[str, str]]]:
     """Return the legs to be measured at each goal; none if points are measured."""
     if not cell.instrument.declared.measures_lengths:
         return []
+    assert diagnosis is not None
     return stances_near(cell, diagnosis, _APPROACH, goals_deg)[1]
 
 
 def new_targets(
-    cell: Cell, seed: int, diagnosis: DiagnosisFit, stated: StatedConditions, poses: int
+    cell: Cell,
+    seed: int,
+    used: CalibratedModel,
+    stated: StatedConditions,
+    poses: int,
+    diagnosis: DiagnosisFit | None = None,
 ) -> tuple[Array, list[str]]:
     """Draw new poses whose correction can be driven.
 
-    `stated` are the conditions at which they will be measured. Returns their joint angles (k, N), deg, and the reasons
-    why others were refused.
+    `stated` are the conditions at which they will be measured, `diagnosis` is as in `verify`. Returns their joint angles
+    (k, N), deg, and the reasons why others were refused.
 
     Raises
     ------
@@ -436,11 +534,12 @@ def new_targets(
     """
     rng = np.random.default_rng([seed, _NEW_POSES])
     if cell.instrument.declared.measures_lengths:
+        assert diagnosis is not None
         goals = new_stances(cell, diagnosis, _APPROACH, rng, 2 * poses)
     else:
         drawn = draw_poses(cell, 2 * poses, rng, APPROACH_DEG, both=False, decimals=DECIMALS)
         goals = np.array([pose.joints_deg for pose in drawn])
-    done = correction(cell, diagnosis, goals, stated)
+    done = correction(cell, used, goals, stated)
     corrected = done.joints / cell.robot.model.joint_units
     near_table = done.good & ~clear(cell, np.where(done.good[:, None], corrected, goals))
     good = done.good & ~near_table
@@ -453,27 +552,31 @@ def new_targets(
 
 
 def conditions_soon(
-    equipment: Equipment, dataset: Dataset, first: MeasuredCampaign, last: MeasuredCampaign
+    equipment: Equipment,
+    used: CalibratedModel,
+    first: MeasuredCampaign,
+    last: MeasuredCampaign,
+    since_s: float,
 ) -> StatedConditions:
     """Predict the conditions at which the next targets will be measured.
 
-    The time is on the clock of campaign 1. The air temperature follows the trend of the last readings of `last`, the
-    campaign before.
+    The time is on the clock of the model, `since_s` s when campaign 1 began. The air temperature follows the trend of
+    the last readings of `last`, the campaign before.
     """
     lead_s = first_reading_s(last.record)
     soon_s = equipment.clock.now() + lead_s
     return StatedConditions(
-        series=series_among(dataset.conditions.series_names, individuals_of(last.record)),
+        series=series_among(used.model.targets, individuals_of(last.record)),
         side=1.0,
         approach=-APPROACH_DEG * DEG,
         temperature_c=expected_temperature(last.record, soon_s - last.began_s, lead_s),
-        time_s=soon_s - first.began_s,
-        loads=dataset.header.loads,
-        gravity=dataset.header.gravity,
+        time_s=since_s + soon_s - first.began_s,
+        loads=used.loads,
+        gravity=used.gravity,
     )
 
 
-def correction(cell: Cell, diagnosis: DiagnosisFit, goals_deg: Array, stated: StatedConditions) -> Correction:
+def correction(cell: Cell, used: CalibratedModel, goals_deg: Array, stated: StatedConditions) -> Correction:
     """Correct joint targets (n, N), deg or mm, within the cell's limits.
 
     The limits leave space for the approach. Targets and corrected joints are the controller's; the sides of `stated`
@@ -481,28 +584,19 @@ def correction(cell: Cell, diagnosis: DiagnosisFit, goals_deg: Array, stated: St
     """
     robot, limits = cell.robot, np.array(cell.robot.limits_deg)
     units = cell.robot.model.joint_units
-    final = _used(diagnosis, cell.robot.coupling)
     room = 10.0**-DECIMALS  # the largest effect of rounding
     limits = np.column_stack([limits[:, 0] - APPROACH_DEG + room, limits[:, 1] - room]) * units[:, None]
     done = correct(
-        final.model,
-        final.estimate,
+        used.model,
+        used.estimate,
         robot.model_angles(goals_deg),
         _approached(robot, stated),
-        target=_landing(final.model, stated),
+        target=_landing(used.model, stated),
         limits=limits,
         coupling=robot.coupling,
+        regression=used.regression,
     )
     return replace(done, joints=robot.model.controller_angles(done.joints, robot.coupling))
-
-
-def _used(diagnosis: DiagnosisFit, coupling: str) -> Usable:
-    """Return the model that corrects, in the form of a saved one.
-
-    It has no terms for quantities that were only known during the campaign.
-    """
-    final = diagnosis.final
-    return usable(final.model, final.estimate, final.covariance, StatedConditions(), coupling=coupling)
 
 
 def _landing(model: ModelStructure, stated: StatedConditions) -> str:
@@ -531,18 +625,17 @@ def clear(cell: Cell, joints_deg: Array) -> NDArray[np.bool_]:
     return may_visit(cell, joints, joints + APPROACH_DEG)
 
 
-def follows_conditions(dataset: Dataset, diagnosis: DiagnosisFit, goals_deg: Array) -> bool:
+def follows_conditions(cell: Cell, used: CalibratedModel, goals_deg: Array) -> bool:
     """Check whether the corrected joints depend noticeably on time or temperature."""
-    header = dataset.header
-    final = _used(diagnosis, header.coupling)
-    series = next(iter(final.model.targets))
-    stated = StatedConditions(series=series, temperature_c=22.0, time_s=3600.0, loads=dataset.header.loads)
-    robot = header.robot
-    joints = robot.model_angles(goals_deg * robot.joint_units, header.coupling)
-    lever = np.where([kind == "slides" for kind in robot.kinds], 1.0, _LEVER_MM)
-    at = correct(final.model, final.estimate, joints, stated).joints
+    model, robot = used.model, cell.robot
+    stated = StatedConditions(
+        series=next(iter(model.targets)), temperature_c=22.0, time_s=3600.0, loads=used.loads
+    )
+    joints = robot.model_angles(goals_deg)
+    lever = np.where([kind == "slides" for kind in robot.model.kinds], 1.0, _LEVER_MM)
+    at = correct(model, used.estimate, joints, stated).joints
     for other in (replace(stated, temperature_c=22.3), replace(stated, time_s=4500.0)):
-        moved = np.abs(correct(final.model, final.estimate, joints, other).joints - at) * lever
+        moved = np.abs(correct(model, used.estimate, joints, other).joints - at) * lever
         if float(np.nanmax(moved, initial=0.0)) > _FOLLOWS_MM:
             return True
     return False
@@ -553,7 +646,7 @@ def campaign_of(
 ) -> Campaign:
     """Create a campaign of the corrected targets, followed by the same uncorrected, or only with the legs of each.
 
-    Settle time, samples and retries are those of `like`.
+    Settle time, samples, retries and the robot that is needed are those of `like`.
     """
     of_legs = {"kind": "legs", "set": "validation", "joints_deg": corrected_deg.tolist(), "legs": legs}
     return campaign_from(
@@ -565,6 +658,7 @@ def campaign_of(
             "samples": like.samples,
             "retries": like.retries,
             **({"zero_every": like.zero_every} if legs else {}),
+            **({"robot": dict(like.robot)} if like.robot else {}),
             "block": [of_legs] if legs else [_block(corrected_deg), _block(wanted_deg)],
         },
         "verification campaign",

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from acquisition.campaign.observability import setup_of
 from acquisition.campaign.plan import DECIMALS
 from acquisition.cell.cell import Cell, cell_of_record
 from acquisition.cell.workspace import targets_at
@@ -27,9 +28,10 @@ from acquisition.record.device_serials import Individual, Individuals, series_am
 from acquisition.record.readings import readings_of
 from acquisition.record.store import RecordStore
 from calib.array import Array
-from calib.data import Conditions, Dataset
-from calib.fit import ErrorStatistics, IdentificationFit, statistics_of
+from calib.data import Conditions
+from calib.fit import ErrorStatistics, expanded, statistics_of
 from calib.model import BoundModel, ModelStructure, StatedConditions, conditions_at
+from calib.saved import CalibratedModel
 
 FRAME_HOLDS_MM = 1.0  # nests displaced by more than any drift: the instrument was moved
 
@@ -70,6 +72,37 @@ class Landings:
 
 
 @dataclass(frozen=True)
+class Landing:
+    """One reading of a verification.
+
+    Attributes
+    ----------
+    pose
+        Number of the new pose, from 1.
+    joints_deg
+        Joints of the pose, not corrected, deg or mm as the controller counts.
+    wanted_mm
+        Where the target must be in the world, mm.
+    error_mm
+        Measured minus wanted, mm.
+    off_mm
+        Its length, mm.
+    u_mm
+        Expanded uncertainty (k = 2) of the error in its most uncertain direction, mm: noise of the instrument and
+        repeatability of the robot, without that of the world frame.
+    """
+
+    pose: int
+    target: str
+    corrected: bool
+    joints_deg: tuple[float, ...]
+    wanted_mm: tuple[float, ...]
+    error_mm: tuple[float, ...]
+    off_mm: float
+    u_mm: float
+
+
+@dataclass(frozen=True)
 class Verification:
     """The verification of corrected targets.
 
@@ -86,6 +119,7 @@ class Verification:
     approach: str
     accepted: tuple[str, ...] = ()  # other devices than in campaign 1, who accepted them and why
     of_lengths: bool = False
+    landings: tuple[Landing, ...] = ()  # in the order of measurement
 
     @property
     def ratio(self) -> float:
@@ -248,39 +282,61 @@ def conditions_of(landings: Landings, model: ModelStructure, later_s: float) -> 
     )
 
 
-def floor_of(dataset: Dataset, found: IdentificationFit, conditions: Conditions) -> float:
-    """Compute the RMS distance, mm, that a perfect correction would show under these conditions.
+def covariance_of_readings(
+    cell: Cell, world: WorldFrame, model: ModelStructure, estimate: Array, conditions: Conditions
+) -> Array:
+    """Compute the covariance (n, 3, 3), mm2, of readings of points in the world.
 
-    It is the 3D distance over all readings.
+    It is that of the instrument's declared noise and of the robot's repeatability.
     """
-    noise = dataset.header.noise
-    robot = found.model.robot
-    frames = BoundModel(found.model, conditions).frames(found.estimate, robot.joint_slots)
+    noise = replace(setup_of(cell, list(cell.tool.targets)).noise, station_mm=tuple(map(float, world.origin)))
+    robot = model.robot
+    frames = BoundModel(model, conditions).frames(estimate, robot.joint_slots)
     points = np.broadcast_to(frames.p, (3, len(conditions))).T
     covariance = noise.of_points(points, np.full(points.shape, np.nan))
-    covariance = covariance + noise.of_joints(frames.velocities(robot.joint_slots), robot.kinds)
-    return float(np.sqrt(np.mean(np.trace(covariance, axis1=1, axis2=2))))
+    return covariance + noise.of_joints(frames.velocities(robot.joint_slots), robot.kinds)
 
 
 @dataclass(frozen=True)
 class JudgedLandings:
-    """Distances (n,), mm, of landings from the required points.
+    """Errors of landings, mm.
 
-    `corrected` states whether each was driven corrected. Without nests, `off_mm` is None and the distances are errors
-    of lengths.
+    Without nests, as with a ballbar, the errors are those of lengths, along the bar.
+
+    Attributes
+    ----------
+    errors
+        Landed minus required points, shape (n, 3).
+    corrected
+        Whether each was driven corrected, shape (n,).
+    floor_mm
+        RMS distance that a perfect correction would show in the record of each, shape (n,).
+    off_mm
+        By how much the nests were off; None without nests.
+    u_mm
+        Expanded uncertainty of each, shape (n,).
+    goals_deg
+        Joints of the poses, not corrected, shape (n, N).
+    wanted
+        Required points, shape (n, 3).
+    target
+        Name of the target of each.
     """
 
-    distances: Array
+    errors: Array
     corrected: NDArray[np.bool_]
-    floor_mm: Array  # (n,) the floor of the record each came from
+    floor_mm: Array
     off_mm: float | None
+    u_mm: Array
+    goals_deg: Array
+    wanted: Array
+    target: tuple[str, ...]
 
 
 def judge(
     landings: Landings,
     wanted: Mapping[tuple[float, ...], tuple[float, ...]],
-    dataset: Dataset,
-    found: IdentificationFit,
+    saved: CalibratedModel,
     world: WorldFrame,
     cell: Cell,
     later_s: float,
@@ -289,18 +345,26 @@ def judge(
     """Compare landings with the positions of the targets on the nominal robot.
 
     `wanted` maps driven joints to target joints, deg, both as commanded; joints without an entry were driven
-    uncorrected. `devices` are those of campaign 1, whose frame is `world`.
+    uncorrected. `devices` are those of campaign 1, whose frame is `world`. The record began `later_s` after the clock
+    of the model.
     """
     holds = frame_holds(landings, world, cell.nests, devices)
-    points = landed_points(landings, world, found.model, found.estimate, later_s, holds=holds)
+    points = landed_points(landings, world, saved.model, saved.estimate, later_s, holds=holds)
     driven = [tuple(np.round(row, DECIMALS).tolist()) for row in landings.driven_deg]
     goals = np.array([wanted.get(joints, joints) for joints in driven])
-    conditions = conditions_of(landings, found.model, later_s)
+    conditions = conditions_of(landings, saved.model, later_s)
+    required = nominal_points(cell, goals, landings.target)
+    covariance = covariance_of_readings(cell, world, saved.model, saved.estimate, conditions)
+    floor = float(np.sqrt(np.mean(np.trace(covariance, axis1=1, axis2=2))))
     return JudgedLandings(
-        distances=np.linalg.norm(points - nominal_points(cell, goals, landings.target), axis=1),
+        errors=points - required,
         corrected=np.array([joints in wanted for joints in driven]),
-        floor_mm=np.full(len(points), floor_of(dataset, found, conditions)),
+        floor_mm=np.full(len(points), floor),
         off_mm=nests_off(landings, world, cell.nests),
+        u_mm=expanded(covariance),
+        goals_deg=goals,
+        wanted=required,
+        target=landings.target,
     )
 
 
@@ -328,9 +392,15 @@ def verification_of(
     ValueError
         No corrected target was measured.
     """
-    distances = np.concatenate([j.distances for j in judged])
-    corrected = np.concatenate([j.corrected for j in judged])
-    floors = np.concatenate([j.floor_mm for j in judged])
+    errors, corrected, floors, u_mm, goals, wanted = (
+        np.concatenate(part)
+        for part in zip(
+            *((j.errors, j.corrected, j.floor_mm, j.u_mm, j.goals_deg, j.wanted) for j in judged), strict=True
+        )
+    )
+    distances = np.linalg.norm(errors, axis=1)
+    number = {goal: n for n, goal in enumerate(dict.fromkeys(map(tuple, goals.tolist())), start=1)}
+    names = [name for j in judged for name in j.target]
     verified = statistics_of(distances[corrected])
     if verified is None:
         raise ValueError("no corrected target was measured")
@@ -345,4 +415,17 @@ def verification_of(
         approach=approach,
         accepted=tuple(accepted),
         of_lengths=not off_mm,
+        landings=tuple(
+            Landing(number[tuple(goal)], name, bool(by), tuple(goal), tuple(point), tuple(error), off, u)
+            for goal, name, by, point, error, off, u in zip(
+                goals.tolist(),
+                names,
+                corrected,
+                wanted.tolist(),
+                errors.tolist(),
+                distances.tolist(),
+                u_mm.tolist(),
+                strict=True,
+            )
+        ),
     )

@@ -7,7 +7,7 @@ from acquisition.campaign.plan import Forecast
 from acquisition.run.clock import Clock, ScaledClock
 from acquisition.run.duration import Begin, at_once, forecast_of
 from acquisition.run.interrupt import pausing_on_interrupt
-from acquisition.run.orders.control import ON_REQUEST
+from acquisition.run.orders.control import ON_REQUEST, STOPPED
 from acquisition.run.orders.lease import LeaseDeadline
 from acquisition.run.outcome import ExecutionOutcome
 from acquisition.run.rig.device_state import NEVER_ASKED, ROLES, DeviceCondition, KnownDevice
@@ -19,6 +19,7 @@ __all__ = [
     "ON_REQUEST",
     "PROMPT",
     "ROLES",
+    "STOPPED",
     "Begin",
     "Clock",
     "DeviceCondition",

@@ -29,7 +29,7 @@ from acquisition.record.store import Event, EventTime, RecordStore
 from acquisition.run.clock import Clock, ScaledClock
 from acquisition.run.duration import Begin, at_once, forecast_of
 from acquisition.run.early_end import NOT_AT_REST, end_early, note_order, open_order
-from acquisition.run.orders.control import ON_REQUEST, Control, Pausing, Stopping
+from acquisition.run.orders.control import ON_REQUEST, STOPPED, Control, Pausing, Stopping
 from acquisition.run.orders.lease import LeaseDeadline
 from acquisition.run.orders.robot_lock import Mover
 from acquisition.run.orders.stop_orders import StopOrders
@@ -237,7 +237,7 @@ class Run:
                 if execution.rig.adrift:  # no one supervises a move that is still being made
                     execution.rig.halt()
             except Stopping:
-                ending, reason = State.STOPPED, "Stopped on request."
+                ending, reason = State.STOPPED, STOPPED
             except AcquisitionError as caught:
                 error, reason = caught, caught.sentence
                 if execution.control.stopping:  # independently of the reaction of the devices
@@ -434,7 +434,8 @@ class Run:
     def resume(self, by: str = "", key: str | None = None, accepted: DeviceAcceptance | None = None) -> None:
         """Allow the next `execute` of a paused or stopped run to move.
 
-        `accepted` accepts another robot or instrument than the record's, for that execution.
+        `accepted` accepts another robot or instrument than the record's, for that execution; also of a run that is
+        ready, which needs no leave.
 
         Raises
         ------
@@ -448,12 +449,15 @@ class Run:
                 self._store.note(db, "accept_other", by=by, serial=accepted.serial, reason=accepted.reason)
         with self._mutex:
             state = self._store.state
-            if state not in (State.PAUSED, State.STOPPED) and not (self._trouble and not self._execution):
+            at_rest = state in (State.PAUSED, State.STOPPED) or (
+                state is State.READY and accepted is not None
+            )
+            if not at_rest and not (self._trouble and not self._execution):
                 raise not_resumed(state, f"a campaign that is {state.value} cannot be resumed", "resume")
             self._resumed, self._accepted = True, accepted
 
-    def stop(self, by: str = "", key: str | None = None) -> list[AcquisitionError]:
-        """Halt the robot now and end the run.
+    def stop(self, by: str = "", key: str | None = None, reason: str = STOPPED) -> list[AcquisitionError]:
+        """Halt the robot now and end the run; `reason` is why one at rest ends.
 
         Returns the errors of devices that could not be stopped; then use the button that they name. Nothing waits for
         the record while the robot moves (`run.orders.stop_orders`). If the record has brought a run to rest, the run
@@ -481,7 +485,7 @@ class Run:
         with self._mutex:
             ended = (State.STOPPED, State.SUCCEEDED, State.FAILED)
             if self._execution is None and self._store.state not in ended:
-                self._store.become(State.STOPPED, "Stopped on request.")
+                self._store.become(State.STOPPED, reason)
                 self._trouble = None
         return []
 

@@ -5,7 +5,8 @@ It contains
 - every parameter with value, standard error, unit, nominal value and owner;
 - the effects with their slots and regressors, and the covariance;
 - hashes of the data, of the robot and of the whole file;
-- the approach and temperature for which the model holds, and the held-out error.
+- the approach and temperature for which the model holds, the held-out error, and that of the robot
+  itself if it was verified.
 
 `save_update` writes a model file with updated parameters: the old file with a few new values and their origin. All
 other content (data, conditions, held-out error, regression) stays as it was. `updates` lists the changes, oldest first.
@@ -26,6 +27,7 @@ from calib.arm.robot import robot_hash
 from calib.array import Array
 from calib.diagnose.diagnosis import DiagnosisFit
 from calib.fit.identification import IdentificationFit
+from calib.fit.statistics import ErrorStatistics
 from calib.model.model import ModelStructure
 from calib.regression.regression import Regression
 from calib.saved.model_checks import content_hash
@@ -46,8 +48,12 @@ def model_document(
     identification: IdentificationFit,
     diagnosis: DiagnosisFit | None = None,
     regression: Regression | None = None,
+    verified: ErrorStatistics | None = None,
 ) -> dict[str, Any]:
-    """Build the document of a model, with its `content_sha256`."""
+    """Build the document of a model, with its `content_sha256`.
+
+    `verified` are the errors of the robot at new poses, driven with corrections of this model, mm.
+    """
     model = identification.model
     errors = identification.standard_errors
     judged = None if diagnosis is None else diagnosis.error_after
@@ -82,6 +88,7 @@ def model_document(
         "held_out": None
         if judged is None or diagnosis is None
         else {"kind": diagnosis.dataset.header.holdout, "error_mm": asdict(judged)},
+        **({} if verified is None else {"verified": {"error_mm": asdict(verified)}}),
         "noise_scale": identification.noise_scale,
         "degrees_of_freedom": identification.degrees_of_freedom,
         "device": [dict(each) for each in identification.header.devices],

@@ -80,6 +80,10 @@ class CalibratedModel:
     data_sha256: str
     holds_for: dict[str, Any]
     held_out_rms_mm: float | None = None
+    verified_rms_mm: float | None = (
+        None  # error of the robot at new poses, driven with corrections of this model
+    )
+    began: str | None = None  # when its clock began, as the header of the data says it; None if it does not
     notes: tuple[str, ...] = ()  # information for the user of the model
     regression: Regression | None = None
     simulated: bool = False  # whether the readings came from simulators
@@ -246,6 +250,7 @@ def as_saved(identification: IdentificationFit, diagnosis: DiagnosisFit | None =
         data_sha256=identification.data_sha256,
         holds_for=scope_of(identification),
         held_out_rms_mm=None if judged is None else judged.rms,
+        began=None if header.occasion is None else header.occasion.began,
         notes=(SIMULATED,) if header.simulated else (),
         simulated=header.simulated,
         noise_scale=identification.noise_scale,
@@ -287,6 +292,7 @@ def save_model(
     regression: Regression | None = None,
     *,
     save_anyway: bool = False,
+    verified: ErrorStatistics | None = None,
 ) -> str:
     """Write a model, together with the regression that is based on it.
 
@@ -296,6 +302,8 @@ def save_model(
         None writes nothing.
     save_anyway : bool, optional
         Whether to save a diagnosed model that is worse on held-out readings than the nominal robot in its place.
+    verified : ErrorStatistics, optional
+        Errors of the robot at new poses, driven with corrections of this model, mm.
 
     Returns
     -------
@@ -313,7 +321,7 @@ def save_model(
         )
     if path is not None and diagnosis is not None and not save_anyway:
         refuse_worse(*diagnosis.gain, file=path)
-    document = model_document(identification, diagnosis, regression)
+    document = model_document(identification, diagnosis, regression, verified)
     if path is not None:
         replace_file(path, json.dumps(document, indent=1, allow_nan=False) + "\n")
     return document["content_sha256"]
@@ -443,7 +451,9 @@ def _saved(document: Mapping[str, Any], path: Path) -> CalibratedModel:
         coupling=coupling,
         data_sha256=data,
         holds_for=_holds_for(holds, robot, path),
-        held_out_rms_mm=_held_out_rms(document.get("held_out")),
+        held_out_rms_mm=_rms_of(document.get("held_out")),
+        verified_rms_mm=_rms_of(document.get("verified")),
+        began=_began(document),
         regression=regression_of(document["regression"], robot, path) if "regression" in document else None,
         simulated=simulated,
         noise_scale=float(numbers_of(document.get("noise_scale", 1.0), (), "noise_scale", path, _NOISIEST)),
@@ -504,9 +514,15 @@ def _tables(entries: Any, key: str, path: Path) -> tuple[Mapping[str, Any], ...]
     return tuple(entries)
 
 
-def _held_out_rms(table: Any) -> float | None:
+def _rms_of(table: Any) -> float | None:
     rms = None if table is None else table["error_mm"]["rms"]
     return float(rms) if isinstance(rms, int | float) else None
+
+
+def _began(document: Mapping[str, Any]) -> str | None:
+    """Return when the clock of the model began; an update has other readings, whose date replaces it."""
+    measured = document.get("measured")
+    return None if measured is None or document.get("updates") else str(measured["began"])
 
 
 def _vector(numbers: Array) -> Vector:

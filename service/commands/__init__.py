@@ -22,6 +22,7 @@ COMMANDS = {
         "Write the example files of Get started: simulated readings and two targets.",
     ),
     "calibrate": ("cell.calibrate.calibrate_command", "Calibrate the robot of a cell and verify it."),
+    "verify": ("cell.verify.verify_command", "Verify a model on the robot."),
     "robot": ("files.robot.app", "Write, import and check the file of a robot of your own."),
     "convert": ("files.convert.convert", "Import foreign data."),
     "align": ("files.align.align_command", "Align the streams of a moving robot and of a tracker."),

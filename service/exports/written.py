@@ -102,7 +102,7 @@ def written(
         _judged_at(saved, data),
         form.says,
         stated.in_words,
-        held_out,
+        _own_error(saved),
         predicted,
     )
     if data is not None:
@@ -128,6 +128,7 @@ def written(
         "loss_mm": asdict(loss),
         "nominal_mm": asdict(nominal),
         "held_out_rms_mm": held_out,
+        "verified_rms_mm": saved.verified_rms_mm,
         "predicted_rms_mm": predicted,
         **of_carried(usable),
         "warnings": list(stated.notes),
@@ -194,6 +195,7 @@ def listed(
         robot=robot.name,
         simulated=saved.simulated,
         held_out_rms_mm=saved.held_out_rms_mm,
+        verified_rms_mm=saved.verified_rms_mm,
         holds_for=stated.in_words,
         judged_at=_judged_at(saved, data),
         exports=choices,
@@ -206,11 +208,29 @@ def _read_back(kind: str, export: ExportRequest) -> ErrorStatistics:
     return export.carried.off(form.reads(form.writes(export), export))
 
 
+def _own_error(saved: CalibratedModel) -> tuple[float, str] | None:
+    """Return the RMS error that the whole model leaves, mm, and how it is known; None if it is not.
+
+    Readings of the fit never tell it.
+    """
+    if saved.held_out_rms_mm is not None:
+        return saved.held_out_rms_mm, "the model's own {:.3f} mm on held-out readings"
+    if saved.verified_rms_mm is not None:
+        return saved.verified_rms_mm, "{:.3f} mm of the robot at new poses, driven with the whole correction"
+    return None
+
+
 def _left(saved: CalibratedModel, usable: Usable, loss: ErrorStatistics) -> float | None:
-    """Return the RMS error that a file leaves, mm; None if the model's own error is not known."""
-    if saved.held_out_rms_mm is None:
+    """Return the RMS error that a file leaves, mm; None if the model's own error is not known.
+
+    The robot was verified without the carried terms that no correction has: their loss is in that error.
+    """
+    verified = saved.held_out_rms_mm is None and not any(each.is_usable for each in usable.left_out)
+    own = _own_error(saved)
+    if own is None:
         return None
-    return math.hypot(saved.held_out_rms_mm, loss.rms, 0.0 if usable.loss is None else usable.loss.rms)
+    of_terms = 0.0 if usable.loss is None or verified else usable.loss.rms
+    return math.hypot(own[0], loss.rms, of_terms)
 
 
 def _judged_at(saved: CalibratedModel, data: Dataset | None) -> str:
@@ -263,12 +283,12 @@ def _about(
     where: str,
     says: str,
     holds_for: str,
-    held_out: float | None,
+    own: tuple[float, str] | None,
     predicted: float | None,
 ) -> tuple[str, ...]:
     """Return the cautions that people must know about the file.
 
-    `off` has the errors of the file and of the nominal robot, in the poses `where`.
+    `off` has the errors of the file and of the nominal robot, in the poses `where`; `own` is that of `_own_error`.
     """
     loss, nominal = off
     lines = [f"Carries {says}. Holds for: {holds_for}."]
@@ -280,10 +300,9 @@ def _about(
         f"Against the whole model: {loss.rms:.3f} mm RMS, {loss.max:.3f} mm at most, at "
         f"{loss.n} {where}; the nominal robot: {nominal.rms:.3f} mm RMS."
     )
-    if held_out is not None and predicted is not None:
-        lines.append(
-            f"Predicted error: {predicted:.3f} mm RMS, with the model's own {held_out:.3f} mm on held-out readings."
-        )
+    if own is not None and predicted is not None:
+        error, how = own
+        lines.append(f"Predicted error: {predicted:.3f} mm RMS, with {how.format(error)}.")
     else:
         lines.append("The model's own error on held-out readings is not known: the predicted error is more.")
     return tuple(lines)

@@ -23,7 +23,13 @@ from service.http.routes import (
 )
 from service.http.routes.pages import docs_page, metrics_routes, page
 from service.http.routes.pages.openapi import describe
-from service.http.routes.runs import loop_routes, plan_routes, prompt_routes, run_routes
+from service.http.routes.runs import (
+    loop_routes,
+    plan_routes,
+    prompt_routes,
+    run_routes,
+    verification_routes,
+)
 from service.http.routes.work import (
     alignment_routes,
     examination_routes,
@@ -61,6 +67,7 @@ def create_app(settings: ServiceSettings) -> FastAPI:
         run_routes,
         prompt_routes,
         loop_routes,
+        verification_routes,
         campaign_file_routes,
         campaign_routes,
         dataset_routes,

@@ -26,6 +26,7 @@ from service.http.access.roles import ServiceSettings
 from service.http.runs.loops import LoopStore
 from service.http.runs.run_cache import RunCache
 from service.http.runs.run_manager import RunManager
+from service.http.runs.verifications import VerificationStore
 from service.http.wire.problems import Problem
 from service.http.work.campaigns import CampaignStore
 from service.http.work.datasets import DatasetStore
@@ -79,6 +80,13 @@ class Service:
             record / "loops",
             self.book,
             self.datasets,
+            self.devices,
+            self.workers,
+            simulated=settings.simulated is not None,
+        )
+        self.verifications = VerificationStore(
+            record / "verifications",
+            self.book,
             self.devices,
             self.workers,
             simulated=settings.simulated is not None,
@@ -143,9 +151,9 @@ class Service:
         return begun
 
     def rest(self, by: str, reason: str) -> None:
-        """Pause the run or loop that uses the robot: after the current reading, or between two runs."""
-        whole = self.book if self.book.lent_to is None else self.loops
-        whole.pause_all(by, reason)
+        """Pause the run, loop or proof that uses the robot: after the current reading, or between two runs."""
+        for each in (self.book,) if self.book.lent_to is None else (self.loops, self.verifications):
+            each.pause_all(by, reason)
 
     async def changed(self, what: str, wait: Callable[[float], int], after: int, seconds: float) -> None:
         """Wait for a version newer than `after`, the end of the service, or `seconds`.
@@ -199,6 +207,7 @@ class Service:
         self.jobs.end()
         self.history.close()
         self.loops.close()
+        self.verifications.close()
 
     def close(self) -> None:
         """End the service, pause the run and close all parts."""

@@ -4,7 +4,7 @@ import * as check from "./check.js";
 import { Refusal, Silence, ask, clock, connection, enter, leave, signals } from "./connection.js";
 import * as correct from "./correct.js";
 import * as data from "./data.js";
-import { LEASE_S, desk, keep, looksOn, order, prolong, refresh, stop, trouble } from "./desk.js";
+import { LEASE_S, desk, keep, looksOn, order, prolong, refresh, stop, trouble, workOf } from "./desk.js";
 import * as diagnose from "./diagnose.js";
 import { $, fill, h, icon, wait } from "./dom.js";
 import { closeControl, showControl } from "./lease.js";
@@ -29,7 +29,7 @@ let view = null, at = "", named = "", awake = () => {};
 const addressed = () => {
   const [, name = "", id = ""] = location.hash.match(/^#\/([a-z]+)(?:\/([0-9A-Za-z][0-9A-Za-z-]{0,63}))?$/) || [];  // an id leads nowhere else
   if (Object.hasOwn(OLD, name)) return { name: id ? OLD[name] : { campaigns: "prepare", result: "data" }[name] || OLD[name], id };
-  return Object.hasOwn(VIEWS, name) ? { name, id } : { name: !desk.cell ? "robots" : desk.cell.run_id ? "measure" : desk.cell.loop_id ? "diagnose" : "prepare", id: "" };
+  return Object.hasOwn(VIEWS, name) ? { name, id } : { name: !desk.cell ? "robots" : desk.cell.run_id ? "measure" : workOf(desk.cell) ? (desk.cell.loop_id ? "diagnose" : "verify") : "prepare", id: "" };
 };
 
 function go(again = false) {

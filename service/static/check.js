@@ -1,7 +1,7 @@
 // Step 2, Check: the devices are asked and every path is looked at; nothing moves. From here the robot is started.
 
 import { ask, bearer, reach, reckoned } from "./connection.js";
-import { desk, looksOn, moving, order } from "./desk.js";
+import { desk, looksOn, moving, order, workOf } from "./desk.js";
 import { button, card, fact, fill, fold, footBar, h, head, icon, table } from "./dom.js";
 import { control, myName, nameField, openControl, takeControl } from "./lease.js";
 import { deletion, menu } from "./menu.js";
@@ -30,7 +30,7 @@ export function open(root, id) {
   root.append(head(t("stepOf", { n: 2 }), title, lead, options), h("div", { className: "cols c5-7" }, h("div", { className: "stack" }, bad, factsCard, worth, good, proof, file), h("div", { className: "stack" }, confirm, pictured)), foot);
   let campaign = null, found = null, plan = null, refused = null, checking = false, lengths = false, ran = false;
 
-  const busy = () => Boolean(desk.cell && (desk.cell.run_id || desk.cell.loop_id));
+  const busy = () => Boolean(desk.cell && (desk.cell.run_id || workOf(desk.cell)));
 
   // Everything that can be looked at without moving: the devices, then every pose and path.
   async function checkAll() {

@@ -1,7 +1,7 @@
 // Step 5, Correct: how the correction reaches the robot, with the error that each way leaves; programs, formats, certificate.
 
 import { ask, keepFile, reckoned, save, upload } from "./connection.js";
-import { desk, looksOn, order } from "./desk.js";
+import { looksOn, order } from "./desk.js";
 import { nothingYet } from "./diagnose.js";
 import { button, card, fact, fill, fold, footBar, h, head, icon, noteBox, numeric, table } from "./dom.js";
 import { findRun, road, walk } from "./road.js";
@@ -17,7 +17,8 @@ export function open(root, id) {
   if (!id) return nothingYet(root, 5);
   const foot = footBar(t("next")), choices = h("div", { className: "choices", role: "radiogroup", ariaLabel: t("ways") }), side = h("div", { className: "stack" }), body = h("div", { className: "cols c5-7" }, card(t("ways"), choices), side);
   root.append(head(t("stepOf", { n: 5 }), h("h1", { id: "title" }, t("correctTitle")), h("p", { className: "lead" }, t("correctLead"))), body, foot);
-  let job = null, way = "program", left = {}, exported = {}, failed = {}, kinds = Object.keys(KINDS), done = null, kept = false, sent = false;
+  let job = null, way = "program", left = {}, listed = {}, all = null, failed = null, kinds = Object.keys(KINDS), done = null, kept = false, sent = false;
+  const notes = {};
 
   const file = h("input", { type: "file", id: "program", accept: ENDINGS, on: { change: () => { done = null; correct(); } } }), told = h("div", { role: "status", id: "corrected", className: "stack" });
   const [tool, frame, conditions] = ["tool", "frame", "conditions"].map((name) => h("input", { id: name, maxLength: 1000, autocomplete: "off", placeholder: { tool: "0,0,100,0,0,0", frame: "0,0,0,0,0,0", conditions: "side=below" }[name] }));
@@ -55,56 +56,58 @@ export function open(root, id) {
     sent = true; road.used = name; show();
   };
   const write = () => order(async () => {
-    const made = exported[way] || (exported[way] = await reckoned(`/models/${id}/exports/${way}`));
+    const made = await reckoned(`/models/${id}/exports/${way}`);
+    notes[way] = [...made.about, ...made.warnings];
     keepFile(new Blob([made.text], { type: "text/plain" }), `${id}.${KINDS[way]}`);
     road.used = t(`export_${way.replace("-", "_")}`); show();
   });
 
+  // How the error that remains is known: never from the readings of the fit.
+  const leftFrom = () => (typeof all.held_out_rms_mm === "number" ? t("leftHeldOut", { mm: number(all.held_out_rms_mm) }) : typeof all.verified_rms_mm === "number" ? t("leftVerified", { mm: number(all.verified_rms_mm) }) : t("leftUnknown"));
+
   function aside() {
     if (way === "program") return [program];
-    const made = exported[way];
-    return [card(t(`export_${way.replace("-", "_")}`), failed[way] ? noteBox("ask", "alert", failed[way].message, h("p", {}, failed[way].whatToDo)) : made ? [h("p", {}, made.carries), h("ul", { className: "plain" }, [...made.about, ...made.warnings].map((each) => h("li", {}, each)))] : h("p", {}, t("loading")))];
+    const of = listed[way], lines = () => notes[way] || [t("holdsFor", { conditions: all.holds_for }), of.left_out.length ? t("leavesOut", { names: of.left_out.join(", ") }) : t("leavesNothing"), t("fileLoss", { mm: number(of.loss_mm.rms), most: number(of.loss_mm.max), where: all.judged_at }), leftFrom()];
+    return [card(t(`export_${way.replace("-", "_")}`), failed ? noteBox("ask", "alert", failed.message, h("p", {}, failed.whatToDo)) : of ? [h("p", {}, of.carries), h("ul", { className: "plain" }, lines().map((each) => h("li", {}, each)))] : h("p", {}, t("loading")))];
   }
 
   function show() {
     if (!job) return;
     const usable = job.result && job.result.converged !== false && !looksOn(), most = Math.max(1e-6, ...Object.values(left).map((each) => each || 0), (job.result && job.result.error_nominal_mm && job.result.error_nominal_mm.rms) || 0);
-    fill(choices, [way, left, Object.keys(failed)], () => ["program", ...kinds].map((each) => {
+    fill(choices, [way, left, kinds, Boolean(failed)], () => ["program", ...kinds].map((each) => {
       const bar = h("i", { className: each === "program" ? "after" : "before" }), mm = left[each];
       bar.style.width = `${Math.max(1, 100 * (mm || 0) / most)}%`;
       return h("label", { className: `choice ${way === each ? "on" : ""}` }, h("input", { type: "radio", name: "way", id: `way-${each}`, checked: way === each, on: { change: () => { way = each; done = null; show(); } } }),
         h("span", {}, h("strong", {}, each === "program" ? t("wayProgram") : t(`export_${each.replace("-", "_")}`)), h("span", { className: "sub" }, each === "program" ? t("wayProgramHint") : t(`way_${each.replace("-", "_")}`)),
-          typeof mm === "number" ? h("span", { className: "left" }, h("span", { className: "track" }, bar), h("span", {}, t("mmLeft", { mm: number(mm, 2) }))) : h("span", { className: "sub" }, failed[each] ? t("notForThis") : "")));
+          typeof mm === "number" ? h("span", { className: "left" }, h("span", { className: "track" }, bar), h("span", {}, t("mmLeft", { mm: number(mm, 2) }))) : h("span", { className: "sub" }, each !== "program" && failed ? t("notForThis") : "")));
     }));
-    fill(side, [way, Boolean(exported[way]), Boolean(failed[way])], () => [...aside(), ...(job.kind !== "loop" ? [certificate(id)] : [])]);
+    fill(side, [way, Boolean(listed[way]), notes[way], Boolean(failed)], () => [...aside(), ...(job.kind !== "loop" ? [certificate(id)] : [])]);
     const proven = job.result && job.result.verification, onwards = (kind) => h("a", { className: `btn ${kind}`, id: "to-verify", href: `#/verify/${id}` }, t(proven ? "seeProof" : "proveIt"));
-    const state_ = !usable ? "not" : way !== "program" ? (failed[way] ? "not" : "format") : !done ? "choose" : done.refusedOnly ? "refused" : sent ? "sent" : "done";
+    const state_ = !usable ? "not" : way !== "program" ? (failed ? "not" : "format") : !done ? "choose" : done.refusedOnly ? "refused" : sent ? "sent" : "done";
     body.hidden = !usable;
-    foot.set([state_, id, kept, Boolean(proven)], { not: looksOn() ? t("viewerMayNot") : failed[way] ? t("notForThis") : t("noModel"), format: t("formatFoot"), choose: t("chooseFoot"), refused: t("refusedFoot"), done: t("doneFoot"), sent: t("sentFoot") }[state_], () => ({
+    foot.set([state_, id, kept, Boolean(proven)], { not: looksOn() ? t("viewerMayNot") : failed ? t("notForThis") : t("noModel"), format: t("formatFoot"), choose: t("chooseFoot"), refused: t("refusedFoot"), done: t("doneFoot"), sent: t("sentFoot") }[state_], () => ({
       choose: [onwards(""), button(t("chooseProgram"), () => file.click(), { id: "choose-program", kind: "primary", ic: "file" })], refused: [button(t("otherFile"), () => file.click()), button(t("keepRefused"), () => correct(true), { id: "keep-refused", kind: "primary", ic: "again" })],
       done: [button(t("downloadCorrected"), download, { id: "download-program", kind: "primary", ic: "down" })], sent: [button(t("otherFile"), () => file.click()), onwards("primary")], format: [onwards(""), button(t("writeFile"), write, { id: "export-model", kind: "primary", ic: "down" })],
       not: [h("a", { className: "btn primary", href: `#/diagnose/${id}` }, t("view_of_diagnose"))],
     }[state_]));
   }
 
-  // What each format would leave: reckoned one after the other, after the page is there.
+  // What each format would leave, in one answer, after the page is there.
   async function reckonAll() {
     const r = job.result;
     left.program = (r.error_after_mm || (r.verification || {}).error_verified_mm || r.error_identified_mm || r.error_before_mm || {}).rms;
     show();
-    for (const each of kinds) {
-      if (!root.isConnected) return;
-      try { exported[each] = await reckoned(`/models/${id}/exports/${each}`); left[each] = exported[each].predicted_rms_mm; }
-      catch (error) { if (!error.status) throw error; failed[each] = error; }
-      show();
-    }
+    try {
+      all = await reckoned(`/models/${id}/exports`);
+      for (const each of all.exports) { listed[each.kind] = each; left[each.kind] = each.left_mm; }
+      kinds = kinds.filter((each) => !listed[each] || !listed[each].refused);  // no other robot has such a file
+    } catch (error) { if (!error.status) throw error; failed = error; }
+    show();
   }
   const look = async () => {
     if (!job) {
       job = await ask("GET", `/results/${id}`);
       walk({ job });
-      const robot = job.dataset_id ? await ask("GET", `/datasets/${job.dataset_id}`).then((data) => data.robot, () => "") : desk.cell ? desk.cell.robot : "";
-      kinds = kinds.filter((each) => each !== "ur-yaml" || /^ur/i.test(robot));  // no other robot has such a file
       findRun(job).catch(() => {});
       if (job.result && job.result.converged !== false && !looksOn()) reckonAll().catch(() => {});
     }

@@ -6,7 +6,7 @@ import { t } from "./words.js";
 
 const LEASE = "truepose-lease";
 export const LEASE_S = 15;
-// `busy`: the run that uses the robot; `loop`: the loop that does. `look`: look at the service now. `draft`: what has been
+// `busy`: the run that uses the robot; `loop`: the loop or the verification that does. `look`: look at the service now. `draft`: what has been
 // typed for a prompt that is not answered yet.
 export const desk = { cell: null, devices: [], busy: null, last: null, loop: null, draft: null, lease: JSON.parse(sessionStorage.getItem(LEASE) || "null"), look: async () => {} };
 
@@ -40,8 +40,11 @@ export async function refresh() {
   desk.last = busy || last ? await ask("GET", `/runs/${busy || last}`).catch((error) => { if (error.status === 404) return null; throw error; }) : null;
   desk.busy = busy ? desk.last : null;
   desk.devices = (await ask("GET", "/cell/devices")).devices;
-  desk.loop = desk.cell.loop_id ? await ask("GET", `/loops/${desk.cell.loop_id}`) : null;
+  desk.loop = workOf(desk.cell) ? await ask("GET", workOf(desk.cell)) : null;
 }
+
+// The loop or the verification that uses the robot, as a path; empty where none does.
+export const workOf = (cell) => (!cell ? "" : cell.loop_id ? `/loops/${cell.loop_id}` : cell.verification_id ? `/verifications/${cell.verification_id}` : "");
 
 // The run that used the robot last, where it is to go on: perhaps its link was lost, and the robot moves still.
 export const resting = () => (!desk.busy && desk.last && ["paused", "stopped"].includes(desk.last.state) ? desk.last : null);
@@ -49,7 +52,7 @@ export const resting = () => (!desk.busy && desk.last && ["paused", "stopped"].i
 // Stops what uses the robot; `shown`: the run that is looked at, where nothing is known to use it.
 export function stop(shown) {
   const { cell } = desk, rests = resting(), kept = shown || (rests && rests.state === "paused" && rests.id);
-  const target = cell && cell.loop_id ? `/loops/${cell.loop_id}` : cell && cell.run_id ? `/runs/${cell.run_id}` : kept && `/runs/${kept}`;
+  const target = workOf(cell) ? workOf(cell) : cell && cell.run_id ? `/runs/${cell.run_id}` : kept && `/runs/${kept}`;
   if (!target) { trouble(new Error(cell ? t("nothingToStop") : t("nothingKnown"))); return; }
   order(async () => {
     const told = await stopBy(`${target}/stop`);

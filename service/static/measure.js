@@ -4,7 +4,7 @@ import { asked as limitsAsked } from "./acceptance.js";
 import { chart } from "./charts.js";
 import { ask, clock, connection, reckoned, save } from "./connection.js";
 import { asPlanned, counted, driftsOf } from "./counted.js";
-import { desk, looksOn, moving, order, reasonOf } from "./desk.js";
+import { desk, looksOn, moving, order, reasonOf, workOf } from "./desk.js";
 import { button, card, fact, fill, fold, footBar, h, head, noteBox } from "./dom.js";
 import { eventList } from "./eventlist.js";
 import { follow } from "./events.js";
@@ -22,7 +22,7 @@ const ENDED = ["succeeded", "failed"], REPLAN_MS = 3000;
 const COLOURS = { calibration: ["dots", "mark"], validation: ["squares", "after"], reference: ["dots", "between"], repeat: ["dots", "before"], nest: ["squares", "before"] };
 
 // What an order concerns: the loop that has the robot, else the run that is shown.
-const subject = (run) => (desk.cell && desk.cell.loop_id && run.id.startsWith(desk.cell.loop_id) ? `/loops/${desk.cell.loop_id}` : `/runs/${run.id}`);
+const subject = (run) => (loopOf(run.id) && workOf(desk.cell).endsWith(loopOf(run.id)) ? workOf(desk.cell) : `/runs/${run.id}`);
 
 // Makes the data set of a run and diagnoses it, once however many pages ask.
 export async function diagnoseRun(run) {
@@ -83,7 +83,7 @@ export function open(root, id, step = 3) {
 
   // The serial number of another robot or instrument than that of the record, which has kept the run from going on.
   function another() {
-    const of = subject(run).startsWith("/loops/") ? desk.loop && desk.loop.problem : run.error;
+    const of = subject(run).startsWith("/runs/") ? run.error : desk.loop && desk.loop.problem;
     return run.state === "paused" && of && of.name === "OtherIndividual" ? of.serial : "";
   }
 

@@ -25,8 +25,9 @@ export function walk(seen) {
 export const loopOf = (run) => (run.split("-").length > 3 ? run.split("-").slice(0, 3).join("-") : "");
 const sameLoop = (a, b) => Boolean(loopOf(a)) && loopOf(a) === loopOf(b);
 
-// The step that a loop is at, by its own words.
+// The step that a loop is at, by its own words; a verification is the last.
 export function stageOf(loop) {
+  if (loop.model_id !== undefined) return 5;
   const says = loop.step || "";
   return /^campaign 2|corrected targets|verif/i.test(says) ? 5 : /^correct/i.test(says) ? 4 : /^diagnos/i.test(says) ? 3 : 2;
 }

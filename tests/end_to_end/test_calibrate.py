@@ -12,6 +12,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -21,7 +22,7 @@ from typing import Any
 import pytest
 import typer
 
-from acquisition import Run, State, read_cell, read_status
+from acquisition import Event, ExecutionOutcome, Run, State, read_cell, read_status
 from acquisition.errors import StorageError
 from acquisition.loop import LoopEnded, calibration_campaign, close_loop, loop, rehearsal
 from acquisition.record import FILE
@@ -269,7 +270,7 @@ def test_corrected_targets_are_driven_only_with_leave(cell: Path, tmp_path: Path
 def test_targets_corrected_for_an_earlier_time_are_not_driven_later(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Where a correction follows time, a pose that an interruption has made old is left out."""
+    """Where a correction follows time, a pose that an interruption has made old is corrected again."""
     the_cell, _ = rehearsal.write_files(tmp_path, 3, "backlash:j4", 1.0, calibration=34, validation=8)
     campaign, _ = calibration_campaign(the_cell, accuracy_mm=0.1)
     monkeypatch.setattr(loop, "follows_conditions", lambda *_: True)
@@ -286,9 +287,54 @@ def test_targets_corrected_for_an_earlier_time_are_not_driven_later(
     assert read_status(tmp_path / "campaign3").state == "ready"
     with stepped_cell(the_cell) as equipment:
         result = close_loop(replace(equipment, create=created_or_continued), campaign, tmp_path, poses=3)
-    assert read_status(tmp_path / "campaign3").state == "ready"
-    assert len(result.targets.wanted) == 2
-    assert any("before the calibration was interrupted" in reason for reason in result.targets.refused)
+    assert read_status(tmp_path / "campaign3").state == "stopped"
+    assert "before an interruption" in read_status(tmp_path / "campaign3").reason
+    assert len(result.targets.wanted) == result.verification.poses == 3
+    assert not result.targets.refused
+    assert {read_status(tmp_path / f"campaign{n}").state for n in (2, 4, 5)} == {"succeeded"}
+
+
+def test_targets_corrected_before_a_pause_are_not_driven_after_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The same in one program: a pause within a run, and a rest after a correction and before its run."""
+    the_cell, _ = rehearsal.write_files(tmp_path, 3, "backlash:j4", 1.0, calibration=34, validation=8)
+    campaign, _ = calibration_campaign(the_cell, accuracy_mm=0.1)
+    monkeypatch.setattr(loop, "follows_conditions", lambda *_: True)
+    rests: list[str] = []
+
+    def listen(run: Run) -> Callable[[Event], None]:
+        def hear(event: Event) -> None:
+            if event.kind == "reading" and run.folder.name == "campaign2" and "pause" not in rests:
+                rests.append("pause")
+                threading.Thread(target=run.pause, args=("anna",)).start()
+
+        return hear
+
+    def create(record: Path, *asked: Any) -> Run:
+        if record.name == "campaign4":
+            rests.append("before the run")
+        return loop.new_run(record, *asked)
+
+    def resumed(run: Run, outcome: ExecutionOutcome) -> bool:
+        run.resume(by="anna")
+        return True
+
+    said: list[str] = []
+    with stepped_cell(the_cell) as equipment:
+        equipment = replace(
+            equipment,
+            listen=listen,
+            create=create,
+            resumed=resumed,
+            rests=lambda: rests.count("before the run"),
+        )
+        result = close_loop(equipment, campaign, tmp_path, poses=2, say=said.append)
+    states = [read_status(tmp_path / f"campaign{n}").state for n in range(2, 6)]
+    assert states == ["stopped", "succeeded", "stopped", "succeeded"]
+    assert said.count(loop.AGAIN) == 2
+    assert result.verification.poses == 2
+    assert read_status(tmp_path / "campaign4").done == 0
 
 
 def test_targets_of_a_program_that_cannot_be_reached_are_said(cell: Path, tmp_path: Path) -> None:

@@ -90,9 +90,28 @@ def test_a_record_without_readings_is_refused(tmp_path: Path) -> None:
         world_of(record)
 
 
+def judged(
+    off: list[float], corrected: list[bool], floor: float, nests: float, goals: list[float]
+) -> JudgedLandings:
+    """Landings that are off along x."""
+    n = len(off)
+    errors = np.zeros((n, 3))
+    errors[:, 0] = off
+    return JudgedLandings(
+        errors=errors,
+        corrected=np.array(corrected),
+        floor_mm=np.full(n, floor),
+        off_mm=nests,
+        u_mm=np.full(n, 0.1),
+        goals_deg=np.array(goals)[:, None],
+        wanted=np.zeros((n, 3)),
+        target=("T1",) * n,
+    )
+
+
 def test_corrected_and_uncorrected_rows_are_told_apart() -> None:
-    first = JudgedLandings(np.array([0.1, 3.0, 0.2]), np.array([True, False, True]), np.full(3, 0.1), 0.02)
-    second = JudgedLandings(np.array([0.3]), np.array([True]), np.full(1, 0.2), 0.05)
+    first = judged([0.1, 3.0, 0.2], [True, False, True], 0.1, 0.02, goals=[1.0, 1.0, 2.0])
+    second = judged([0.3], [True], 0.2, 0.05, goals=[3.0])
     found = verification_of([first, second], 2, ["why"], "from below")
     assert found.uncorrected is not None
     assert (found.uncorrected.n, found.uncorrected.max) == (1, 3.0)
@@ -100,8 +119,15 @@ def test_corrected_and_uncorrected_rows_are_told_apart() -> None:
     assert found.floor_mm == pytest.approx(np.sqrt((0.01 + 0.01 + 0.04) / 3.0))
     assert found.ratio == pytest.approx(found.verified.rms / found.floor_mm)
     assert found.nests_off_mm == 0.05
+    assert [(each.pose, each.corrected) for each in found.landings] == [
+        (1, True),
+        (1, False),
+        (2, True),
+        (3, True),
+    ]
+    assert found.landings[1].error_mm == (3.0, 0.0, 0.0)
     with pytest.raises(ValueError, match="no corrected target"):
-        verification_of([JudgedLandings(np.array([1.0]), np.array([False]), np.ones(1), 0.0)], 0, [], "")
+        verification_of([judged([1.0], [False], 1.0, 0.0, goals=[1.0])], 0, [], "")
 
 
 def test_nominal_points_are_those_of_the_nominal_robot() -> None:

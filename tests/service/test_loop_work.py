@@ -15,15 +15,18 @@ from typing import Any
 
 import pytest
 
-from acquisition import Campaign, ExecutionOutcome, LeaseDeadline, Run, State
+from acquisition import Campaign, Cell, Devices, ExecutionOutcome, LeaseDeadline, Run, State
 from acquisition.errors import StorageError
-from acquisition.loop import Compute, Equipment, LoopEnded, LoopResult, Say
+from acquisition.loop import Equipment, LoopEnded, Say
 from acquisition.loop.loop import measure
+from acquisition.record import DeviceAcceptance
 from drivers import ConfigError
+from drivers.errors import AcquisitionError
 from service.http.runs import loop_work
 from service.http.runs.loop_work import ABOUT, LoopStatus, LoopWork
-from service.http.runs.loops import ASKED, CUT_OFF, RESTS, LoopStore
+from service.http.runs.loops import ASKED, CUT_OFF, RESTS, LoopStore, WorkStore
 from service.http.runs.run_manager import SERVICE_ENDS, RunManager
+from service.http.runs.verifications import VerificationStore
 from service.http.wire.problems import Problem
 from service.http.work import workers
 from service.http.work.datasets import DatasetStore
@@ -41,7 +44,6 @@ class Stage:
     """A loop of which the test is the author: `play` is what `close_loop` would do."""
 
     folder: Path
-    monkeypatch: pytest.MonkeyPatch
     bench: Bench = field(default_factory=lambda: Bench(a_cell()))
 
     def __post_init__(self) -> None:
@@ -52,29 +54,23 @@ class Stage:
         (self.folder / "loop").mkdir()
 
     def play(self, scene: Callable[[Equipment, Campaign, Path, Say], None]) -> LoopWork:
-        def close_loop(
-            equipment: Equipment, campaign: Campaign, folder: Path, *, poses: int, say: Say
-        ) -> None:
-            scene(equipment, campaign, folder, say)
+        def played(equipment: Equipment, say: Say) -> str:
+            scene(equipment, a_campaign(**QUICK), self.folder / "loop", say)
+            return "the-data"
 
-        self.monkeypatch.setattr(loop_work, "close_loop", close_loop)
         lease = LeaseDeadline("anna", 30.0, LeaseClock())
         cell, devices = self.bench.cell, devices_of(self.bench)
-        return LoopWork(self.folder / "loop", BEGUN, self.book, cell, devices, lease, _nothing_more)
+        return LoopWork(self.folder / "loop", BEGUN, self.book, cell, devices, lease, played)
 
     def begin(self, scene: Callable[[Equipment, Campaign, Path, Say], None]) -> LoopWork:
         work = self.play(scene)
-        self.book.lend("the-loop", lambda: work(a_campaign(**QUICK), 1))
+        self.book.lend("the-loop", work)
         return work
 
 
-def _nothing_more(compute: Compute, result: LoopResult) -> str:
-    return "the-data"
-
-
 @pytest.fixture
-def stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Stage]:
-    stage = Stage(tmp_path, monkeypatch)
+def stage(tmp_path: Path) -> Iterator[Stage]:
+    stage = Stage(tmp_path)
     with closing(stage.workers), closing(stage.book):
         yield stage
 
@@ -175,7 +171,7 @@ def test_what_takes_too_long_stands_in_the_document(stage: Stage, monkeypatch: p
         equipment.compute(time.sleep, PATIENCE_S)
 
     work = stage.play(scene)
-    work(a_campaign(), 1)
+    work()
     assert (work.document["state"], work.document["problem"]["status"]) == ("failed", 503)
 
 
@@ -205,8 +201,8 @@ def test_a_run_of_a_loop_that_is_finished_leads_on(stage: Stage, rests: bool) ->
         measure(equipment, campaign, folder / "campaign1")
         next_steps.append("diagnosis")
 
-    def finish(run: str = "the-loop-campaign1") -> None:
-        work.finish(run, LeaseDeadline("bert", 30.0, LeaseClock()), "bert", "it is enough")
+    def finish() -> None:
+        work.finish("the-loop-campaign1", LeaseDeadline("bert", 30.0, LeaseClock()), "bert", "it is enough")
 
     # while the second target is measured: one reading is enough to end with
     stage.bench.faults[11] = (lambda: stage.book.pause_all("anna", "Lunch.")) if rests else finish
@@ -220,8 +216,6 @@ def test_a_run_of_a_loop_that_is_finished_leads_on(stage: Stage, rests: bool) ->
     assert stage.bench.calls == 11  # nothing was measured, or moved, after it
     shown = stage.book.document("the-loop-campaign1")
     assert (shown["state"], shown["done"], shown["finished_early"]["by"]) == ("succeeded", 2, "bert")
-    with pytest.raises(Problem, match="verifies the correction"):
-        finish("the-loop-campaign2")
 
 
 def test_a_stop_that_meets_an_order_to_resume_wins(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -255,11 +249,11 @@ def test_what_is_refused_and_what_breaks_stands_in_the_document(stage: Stage) ->
         raise ZeroDivisionError
 
     work = stage.play(refuse)
-    work(a_campaign(), 1)
+    work()
     assert (work.document["state"], work.document["problem"]["status"]) == ("failed", 422)
     work = stage.play(break_down)
     with pytest.raises(ZeroDivisionError):
-        work(a_campaign(), 1)
+        work()
     assert (work.document["state"], work.document["run_id"]) == ("failed", None)
     assert "fault of this program" in work.document["reason"]
 
@@ -297,17 +291,39 @@ def test_a_loop_for_which_the_disk_has_no_room_rests(stage: Stage, monkeypatch: 
     assert (shown["state"], shown["done"]) == ("succeeded", shown["total"])
 
 
-def opened(stage: Stage, tmp_path: Path, asked: dict[str, Any] | None = None, **files: str) -> LoopStore:
-    """The loops of a service that starts with these files, by the name of the loop."""
+def opened(
+    stage: Stage,
+    tmp_path: Path,
+    asked: dict[str, Any] | None = None,
+    kind: str = "loop",
+    opening: Callable[[], None] = lambda: None,
+    **files: str,
+) -> WorkStore:
+    """The loops, or verifications, of a service that starts with these files, by the name of the loop."""
     for name, text in files.items():
         folder = tmp_path / "loops" / name.replace("_", "-")
         folder.mkdir(parents=True)
         (folder / ABOUT).write_text(text, "utf-8")
         if asked is not None:
             (folder / ASKED).write_text(json.dumps(asked), "utf-8")
-    datasets, workers = DatasetStore(tmp_path / "datasets"), Workers(1, waiting=0)
-    devices = devices_of(stage.bench)
-    return LoopStore(tmp_path / "loops", stage.book, datasets, lambda _: devices, workers, simulated=True)
+
+    def open_devices(_: Cell) -> Devices:
+        opening()
+        return devices_of(stage.bench)
+
+    at, workers = tmp_path / "loops", Workers(1, waiting=0)
+    if kind == "verification":
+        return VerificationStore(at, stage.book, open_devices, workers, simulated=True)
+    return LoopStore(
+        at, stage.book, DatasetStore(tmp_path / "datasets"), open_devices, workers, simulated=True
+    )
+
+
+def asked_of(stage: Stage, kind: str, cell: str = "") -> dict[str, Any]:
+    asked = {"cell": cell or stage.bench.cell.source, "poses": 1}
+    if kind == "verification":
+        return asked | {"model_id": "", "seed": 1}
+    return asked | {"campaign": a_campaign(**QUICK).source}
 
 
 def test_a_loop_whose_file_is_damaged_is_named_and_the_others_are_listed(
@@ -331,11 +347,10 @@ def test_a_loop_that_was_cut_off_has_failed(stage: Stage, tmp_path: Path) -> Non
         loops.document("another")
 
 
-def test_a_loop_that_was_cut_off_rests_and_can_be_stopped(stage: Stage, tmp_path: Path) -> None:
-    asked = {"cell": stage.bench.cell.source, "campaign": a_campaign(**QUICK).source, "poses": 1}
-    loops = opened(
-        stage, tmp_path, asked, the_loop=json.dumps(BEGUN.as_dict() | {"run_id": "the-loop-campaign1"})
-    )
+@pytest.mark.parametrize("kind", ["loop", "verification"])
+def test_a_loop_that_was_cut_off_rests_and_can_be_stopped(stage: Stage, tmp_path: Path, kind: str) -> None:
+    begun = json.dumps(BEGUN.as_dict() | {"run_id": "the-loop-campaign1"})
+    loops = opened(stage, tmp_path, asked_of(stage, kind), kind, the_loop=begun)
     shown = loops.document("the-loop")
     assert (shown["state"], shown["reason"], shown["run"]) == ("paused", RESTS, None)
     loops.pause("the-loop", "anna")
@@ -346,6 +361,7 @@ def test_a_loop_that_was_cut_off_rests_and_can_be_stopped(stage: Stage, tmp_path
     assert stage.bench.calls == 0
 
 
+@pytest.mark.parametrize("kind", ["loop", "verification"])
 @pytest.mark.parametrize(
     ("cell", "simulated", "runs", "words"),
     [
@@ -355,25 +371,24 @@ def test_a_loop_that_was_cut_off_rests_and_can_be_stopped(stage: Stage, tmp_path
     ],
 )
 def test_a_loop_that_cannot_go_on_says_why(
-    stage: Stage, tmp_path: Path, cell: str, simulated: bool, runs: tuple[str, ...], words: str
+    stage: Stage, tmp_path: Path, kind: str, cell: str, simulated: bool, runs: tuple[str, ...], words: str
 ) -> None:
-    asked = {"cell": cell or stage.bench.cell.source, "campaign": a_campaign(**QUICK).source, "poses": 1}
     begun = replace(BEGUN, simulated=simulated, runs=runs)
-    loops = opened(stage, tmp_path, asked, the_loop=json.dumps(begun.as_dict()))
+    loops = opened(stage, tmp_path, asked_of(stage, kind, cell), kind, the_loop=json.dumps(begun.as_dict()))
     with pytest.raises(Problem, match=words):
         loops.resume("the-loop", stage.bench.cell, LeaseDeadline("anna", 30.0, LeaseClock()), None)
     assert loops.document("the-loop")["state"] == "paused"
     assert stage.book.lent_to is None
 
 
+@pytest.mark.parametrize("kind", ["loop", "verification"])
 def test_of_two_clients_that_resume_a_loop_one_does(
-    stage: Stage, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    stage: Stage, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str
 ) -> None:
-    asked = {"cell": stage.bench.cell.source, "campaign": a_campaign(**QUICK).source, "poses": 1}
-    loops = opened(stage, tmp_path, asked, the_loop=json.dumps(BEGUN.as_dict()))
+    loops = opened(stage, tmp_path, asked_of(stage, kind), kind, the_loop=json.dumps(BEGUN.as_dict()))
     both, played, refused = threading.Barrier(2), list[str](), list[Problem]()
 
-    def play(*_: Any, **__: Any) -> LoopResult:
+    def play(*_: Any) -> None:
         played.append("once")
         until(lambda: refused)
         raise LoopEnded(ExecutionOutcome(State.STOPPED, "Enough."))
@@ -385,7 +400,7 @@ def test_of_two_clients_that_resume_a_loop_one_does(
         except Problem as problem:
             refused.append(problem)
 
-    monkeypatch.setattr(loop_work, "close_loop", play)
+    monkeypatch.setattr(type(loops), "_play", lambda *_: play)
     clients = [threading.Thread(target=resume, args=(who,)) for who in ("anna", "bert")]
     for each in clients:
         each.start()
@@ -394,3 +409,67 @@ def test_of_two_clients_that_resume_a_loop_one_does(
     until(lambda: stage.book.lent_to is None)
     assert (len(played), [each.status_code for each in refused]) == (1, [409])
     assert loops.document("the-loop")["reason"] == "Enough."
+
+
+@pytest.mark.parametrize("kind", ["loop", "verification"])
+def test_a_stop_that_meets_the_continuation_of_a_loop_wins(stage: Stage, tmp_path: Path, kind: str) -> None:
+    """It comes when the devices are opened, just before the robot is lent."""
+    begun = json.dumps(BEGUN.as_dict())
+    loops = opened(
+        stage,
+        tmp_path,
+        asked_of(stage, kind),
+        kind,
+        lambda: stops.append(loops.stop("the-loop", "bert")),
+        the_loop=begun,
+    )
+    stops: list[list[AcquisitionError]] = []
+    with pytest.raises(Problem, match=f"The {kind} has ended"):
+        loops.resume("the-loop", stage.bench.cell, LeaseDeadline("anna", 30.0, LeaseClock()), None)
+    assert (stops, stage.book.lent_to, stage.bench.calls) == ([[]], None, 0)
+    assert loops.document("the-loop")["state"] == "stopped"
+
+
+@pytest.mark.parametrize(("kind", "run"), [("loop", "campaign2"), ("verification", "campaign1")])
+def test_a_run_that_verifies_is_not_finished_early(
+    stage: Stage, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str, run: str
+) -> None:
+    loops = opened(stage, tmp_path, asked_of(stage, kind), kind, the_loop=json.dumps(BEGUN.as_dict()))
+    refused = threading.Event()
+    monkeypatch.setattr(type(loops), "_play", lambda *_: lambda *_: refused.wait(PATIENCE_S) and None)
+    lease = LeaseDeadline("anna", 30.0, LeaseClock())
+    loops.resume("the-loop", stage.bench.cell, lease, None)
+    with pytest.raises(Problem, match="verifies the correction") as problem:
+        loops.finish(f"the-loop-{run}", lease, "anna", "it is enough")
+    assert problem.value.status_code == 409
+    assert f"or stop the {kind}" in problem.value.do
+    refused.set()
+    until(lambda: stage.book.lent_to is None)
+
+
+def test_a_device_that_was_accepted_counts_until_a_run_has_ended_with_it(
+    stage: Stage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where the run that rested is given up, because its targets have become old."""
+    other = DeviceAcceptance("SN-2", "the tracker was exchanged", "anna")
+    resumed: list[tuple[str, DeviceAcceptance | None]] = []
+
+    def scene(equipment: Equipment, campaign: Campaign, folder: Path, say: Say) -> None:
+        with equipment.create(folder / "campaign2", equipment.cell, campaign, True) as run:
+            assert equipment.resumed(run, ExecutionOutcome(State.PAUSED, "Another instrument."))
+            run.stop(by="the loop")
+        for name in ("campaign3", "campaign4"):
+            measure(equipment, campaign, folder / name)
+
+    def resume(
+        run: Run, by: str = "", key: str | None = None, accepted: DeviceAcceptance | None = None
+    ) -> None:
+        resumed.append((run.folder.name, accepted))
+
+    monkeypatch.setattr(Run, "resume", resume)
+    work = stage.begin(scene)
+    until(lambda: work.document["state"] == "paused")
+    work.resume(LeaseDeadline("anna", 30.0, LeaseClock()), other)
+    until(lambda: stage.book.lent_to is None)
+    assert work.document["state"] == "succeeded", work.document
+    assert resumed == [("the-loop-campaign2", other), ("the-loop-campaign3", other)]

@@ -40,9 +40,15 @@ UNITS = re.compile(
     r"\b(mm|um|mrad|deg|rad|s|ms|min|Hz|kg|degC|hPa|ppm|mm/s|deg/s|m/s2|[Nn]umbers?|[Pp]robability|[Ss]hare|ratio|"
     r"[Nn]o unit|with unit|without a unit|in `unit`)(?=[\s.,;:)]|$)"
 )
-FREE = {"EventShown.data", "SelectionAsked.prior", "ToDiagnose.prior", "ToIdentify.prior"}
-"""What an event says beside its kind differs from kind to kind: docs/cell-pc/events.md. A prior is the content of a
-file, which its reader checks."""
+FREE = {
+    "EventShown.data",
+    "NewVerification.model",
+    "SelectionAsked.prior",
+    "ToDiagnose.prior",
+    "ToIdentify.prior",
+}
+"""What an event says beside its kind differs from kind to kind: docs/cell-pc/events.md. A prior, or a model, is the
+content of a file, which its reader checks."""
 
 
 @pytest.fixture(scope="module")

@@ -64,7 +64,8 @@ def test_a_viewer_reads_pauses_and_stops(service: Served, viewer: httpx2.Client)
             open_to_it.add(told["operationId"])
             assert told["security"] in ([], [{"operator": []}, {"viewer": []}])
     orders = {told["operationId"] for method, _, told in operations(service) if method != "GET"}
-    assert open_to_it & orders == {"pauseRun", "stopRun", "pauseLoop", "stopLoop"}
+    at_rest = {f"{verb}{what}" for verb in ("pause", "stop") for what in ("Run", "Loop", "Verification")}
+    assert open_to_it & orders == at_rest
     assert len(open_to_it) > 15
     assert service.client.get("/campaigns").json() == {"campaigns": []}
 

@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 from acquisition.run.clock import Clock
 
-ON_REQUEST = "Paused on request."
+ON_REQUEST, STOPPED = "Paused on request.", "Stopped on request."
 
 
 class Pausing(Exception):

@@ -11,8 +11,8 @@ from __future__ import annotations
 import math
 import signal
 import sys
-from collections.abc import Callable
-from contextlib import ExitStack, suppress
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -129,67 +129,16 @@ def calibrate_command(
             )
             return
         going_on = _check_folder(folder, the_cell, campaign, simulate=simulate)
-        if not simulate and not sys.stdin.isatty():
-            raise ConfigError(
-                "a calibration moves the robot, and there is no person at this terminal to confirm it",
-                what_to_do="Start it at a terminal, or over HTTP with a lease: POST /api/v1/loops.",
-            )
-        # Where no run hears it, it is as Ctrl-C: simulators and worker end, and the message says how to continue.
-        stack.callback(
-            signal.signal, signal.SIGTERM, signal.signal(signal.SIGTERM, signal.default_int_handler)
+        motion = "continues the calibration in" if going_on else "moves to the poses; records are in"
+        equipment = stack.enter_context(
+            at_the_cell(the_cell, folder, terminal, f"{motion} {folder}", simulate=simulate, route="loops")
         )
-        if simulate:
-            terminal.say("starting the simulators of the cell")
-        simulators = stack.enter_context(simulated_cell(the_cell)) if simulate else None
-        operator = stack.enter_context(terminal_operator())
-
-        def devices() -> Devices:
-            if simulators is not None:
-                return simulators.open(the_cell, operator)
-            return open_devices(the_cell, operator=operator)
-
-        with quiet_drivers():
-            found = examine(the_cell, devices(), record=folder, simulated=simulate, progress=terminal.say)
-        terminal.rest()
-        if found.exit_code != exit_codes.DONE:
-            terminal.out.print(table_of(found))
-            raise typer.Exit(found.exit_code)
-        confirm: Callable[[str], bool] = (
-            (lambda motion: True) if simulate else terminal_confirmation(terminal)
-        )
-        if not confirm(
-            f"{'continues the calibration in' if going_on else 'moves to the poses; records are in'} {folder}"
-        ):
-            terminal.note("Nothing has moved.")
-            raise typer.Exit(exit_codes.INTERRUPTED)
-        if not simulate:
-            note_low_priority()
-        folder.mkdir(exist_ok=True)
-        equipment = Equipment(
-            the_cell,
-            devices(),
-            ScaledClock(the_cell.time_scale if simulate else 1.0),
-            simulate,
-            guard=lambda run: pausing_on_interrupt(
-                run, tell=lambda problem: terminal.note(f"truepose: NOT STOPPED: {problem}")
-            ),
-            listen=lambda run: RunProgress(run, terminal),
-            create=created_or_continued,
-            begin=stack.enter_context(beside()),
-            confirm=confirm,
-        )
-        try:
+        with resumable(terminal, "" if record else f" in {folder}"):
             result = close_loop(equipment, campaign, folder, poses=poses, say=terminal.say)
             terminal.say("drawing the report")
             document, sealed = loop_results.write(result, folder, parties=parties)
             parameters = [document_of(row) for row in rows_of(result.diagnosis.final)]
             certificate.write(result.diagnosis.dataset, document, parameters, sealed)
-        except (LoopEnded, KeyboardInterrupt, StorageError, OSError) as ended:
-            terminal.rest()
-            reason, exit_code = _why_it_ended(ended)
-            terminal.note(f"truepose: {reason}")
-            terminal.note(f"Give the same command again to continue{'' if record else f' in {folder}'}.")
-            raise typer.Exit(exit_code) from ended
         terminal.rest()
         show_loop(result, terminal)
         terminal.out.print(
@@ -199,8 +148,93 @@ def calibrate_command(
         write_json(document, json)
 
 
+@contextmanager
+def at_the_cell(
+    cell: Cell, folder: Path, terminal: Terminal, motion: str, *, simulate: bool, route: str
+) -> Iterator[Equipment]:
+    """Examine the devices of a cell, ask the person there for a motion, and yield the equipment of a loop.
+
+    `folder` is made for its records. `route` of the service does the same. Within the block a request to end is as
+    Ctrl-C where no run hears it.
+
+    Raises
+    ------
+    ConfigError
+        There is no person at the terminal of a real cell.
+    typer.Exit
+        The examination has found a fault, or the person says no.
+    """
+    if not simulate and not sys.stdin.isatty():
+        raise ConfigError(
+            "this moves the robot, and there is no person at this terminal to confirm it",
+            what_to_do=f"Start it at a terminal, or over HTTP with a lease: POST /api/v1/{route}.",
+        )
+    with ExitStack() as stack:
+        # So simulators and worker end, and the message says how to continue.
+        stack.callback(
+            signal.signal, signal.SIGTERM, signal.signal(signal.SIGTERM, signal.default_int_handler)
+        )
+        if simulate:
+            terminal.say("starting the simulators of the cell")
+        simulators = stack.enter_context(simulated_cell(cell)) if simulate else None
+        operator = stack.enter_context(terminal_operator())
+
+        def devices() -> Devices:
+            if simulators is not None:
+                return simulators.open(cell, operator)
+            return open_devices(cell, operator=operator)
+
+        with quiet_drivers():
+            found = examine(cell, devices(), record=folder, simulated=simulate, progress=terminal.say)
+        terminal.rest()
+        if found.exit_code != exit_codes.DONE:
+            terminal.out.print(table_of(found))
+            raise typer.Exit(found.exit_code)
+        confirm: Callable[[str], bool] = (
+            (lambda motion: True) if simulate else terminal_confirmation(terminal)
+        )
+        if not confirm(motion):
+            terminal.note("Nothing has moved.")
+            raise typer.Exit(exit_codes.INTERRUPTED)
+        if not simulate:
+            note_low_priority()
+        folder.mkdir(exist_ok=True)
+        yield Equipment(
+            cell,
+            devices(),
+            ScaledClock(cell.time_scale if simulate else 1.0),
+            simulate,
+            guard=lambda run: pausing_on_interrupt(
+                run, tell=lambda problem: terminal.note(f"truepose: NOT STOPPED: {problem}")
+            ),
+            listen=lambda run: RunProgress(run, terminal),
+            create=created_or_continued,
+            begin=stack.enter_context(beside()),
+            confirm=confirm,
+        )
+
+
+@contextmanager
+def resumable(terminal: Terminal, where: str) -> Iterator[None]:
+    """Say how to go on where the block ends early; `where` names the folder if no option does.
+
+    Raises
+    ------
+    typer.Exit
+        It has ended early.
+    """
+    try:
+        yield
+    except (LoopEnded, KeyboardInterrupt, StorageError, OSError) as ended:
+        terminal.rest()
+        reason, exit_code = _why_it_ended(ended)
+        terminal.note(f"truepose: {reason}")
+        terminal.note(f"Give the same command again to continue{where}.")
+        raise typer.Exit(exit_code) from ended
+
+
 def _why_it_ended(ended: BaseException) -> tuple[str, int]:
-    """Return the reason why a calibration rests, and the exit code."""
+    """Return the reason why a calibration or a verification rests, and the exit code."""
     if isinstance(ended, OSError):
         what_to_do = "Make room on the disk or correct its permissions."
         ended = StorageError(
@@ -316,14 +350,26 @@ def _check_folder(folder: Path, cell: Cell, campaign: Campaign, *, simulate: boo
                 f"{folder}: was begun {what}",
                 what_to_do="Give the options of then to continue it, or a new folder with --record.",
             )
-    elif others := [each.name for each in sorted(folder.glob("campaign*")) if is_begun(each)]:
-        raise RecordError(
-            f"{folder}: has {others[0]} of a calibration, and not the campaign1 on which it rests",
-            what_to_do="Put campaign1 back, or give a new folder with --record.",
-        )
+    else:
+        refuse_torn(folder)
     if folder.exists():
         options.check_outputs({name: folder / name for name in (*loop_results.FILES, CERTIFICATE, *data)})
     return begun
+
+
+def refuse_torn(folder: Path) -> None:
+    """Refuse a folder with later campaigns of a calibration or verification, but not the first.
+
+    Raises
+    ------
+    RecordError
+        It is such a folder.
+    """
+    if others := [each.name for each in sorted(folder.glob("campaign*")) if is_begun(each)]:
+        raise RecordError(
+            f"{folder}: has {others[0]} of a calibration or verification, and not the campaign1 on which it rests",
+            what_to_do="Put campaign1 back, or give a new folder with --record.",
+        )
 
 
 def created_or_continued(record: Path, cell: Cell, campaign: Campaign, simulated: bool) -> Run:

@@ -23,9 +23,10 @@ from service.http.wire import problems
 from service.http.wire.paths import PREFIX
 
 AT_ONCE = re.compile(
-    rf"{PREFIX}/(health|cell/lease(/\w+)?|runs/[^/]+/(stop|pause|finish)|loops/[^/]+/(stop|pause)|runs/[^/]+/prompts/.+)"
+    rf"{PREFIX}/(health|cell/lease(/\w+)?|runs/[^/]+/(stop|pause|finish)|(loops|verifications)/[^/]+/(stop|pause)"
+    r"|runs/[^/]+/prompts/.+)"
 )
-LOOK = re.compile(rf"{PREFIX}/(cell(/devices)?|(runs|loops)/[^/]+(/prompts|/events)?)")
+LOOK = re.compile(rf"{PREFIX}/(cell(/devices)?|(runs|loops|verifications)/[^/]+(/prompts|/events)?)")
 UPLOAD = "multipart/form-data"
 BODY_BYTES = 1024 * 1024  # a campaign of 5,000 listed poses has some 400 kB
 BODY_S = 60.0  # to send it

@@ -19,7 +19,7 @@ from service.http.wire.paths import PREFIX
 from service.simulated_cell import SimulatedDevices
 
 _READS = ("GET", "HEAD")
-_COMES_TO_REST = re.compile(rf"{PREFIX}/(runs|loops)/[^/]+/(pause|stop)")
+_COMES_TO_REST = re.compile(rf"{PREFIX}/(runs|loops|verifications)/[^/]+/(pause|stop)")
 
 
 class Role(Enum):

@@ -31,7 +31,8 @@ def delete_run(here: Here, run_id: RunId, reason: Reason, lease_id: LeaseId = ""
 
     409 while it, or the loop that it belongs to, uses the robot. Its events stay.
     """
-    return here.book.delete(run_id, here.deletions, who(here, lease_id), reason, here.loops.runs_in_hand())
+    in_hand = (*here.loops.runs_in_hand(), *here.verifications.runs_in_hand())
+    return here.book.delete(run_id, here.deletions, who(here, lease_id), reason, in_hand)
 
 
 @router.delete("/datasets/{dataset_id}", operation_id="deleteDataset", response_model=DeletionShown)

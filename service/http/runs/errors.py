@@ -39,7 +39,7 @@ def other_devices(*, simulated: bool) -> Problem:
 
 def busy(execution: RobotThread) -> Problem:
     """Return the problem of a busy robot, with the ids of its run and loop."""
-    ids = {"run_id": execution.run_id, "loop_id": execution.loop_id}
+    ids = {"run_id": execution.run_id, f"{execution.kind}_id": execution.loop_id}
     can_pause = not execution.loop_id and not execution.examines
     return Problem(
         409,

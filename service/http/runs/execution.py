@@ -14,6 +14,10 @@ class RobotThread:
     ----------
     run_id : str
         Empty while a loop is between two runs.
+    loop_id : str
+        The loop, or the verification, to which it is lent.
+    kind : str
+        Which of the two that is.
     begun : threading.Event
         Set when the run can be paused.
     stopped : bool
@@ -28,9 +32,10 @@ class RobotThread:
     begun: threading.Event = field(default_factory=threading.Event)
     stopped: bool = False
     examines: bool = False
+    kind: str = "loop"
 
     @property
     def what(self) -> str:
         if self.examines:
             return "an examination of the devices"
-        return f"loop {self.loop_id}" if self.loop_id else f"run {self.run_id}"
+        return f"{self.kind} {self.loop_id}" if self.loop_id else f"run {self.run_id}"

@@ -1,4 +1,4 @@
-"""Execution of a closed loop: its state, and the orders that it obeys.
+"""Execution of a closed loop, or of the proof of a model: its state, and the orders that it obeys.
 
 It obeys orders between and within its runs. It lives in one thread, which has the robot until it ends
 (`RunManager.lend`). While the loop computes, its robot is at rest, and nothing else may move it. Long
@@ -33,9 +33,9 @@ from acquisition import (
 )
 from acquisition.campaign import Visit
 from acquisition.errors import StorageError
-from acquisition.loop import Compute, Equipment, LoopEnded, LoopResult, Say, close_loop, diagnosed
+from acquisition.loop import Equipment, LoopEnded, Say, diagnosed
 from acquisition.record import DeviceAcceptance
-from acquisition.run import ON_REQUEST
+from acquisition.run import ON_REQUEST, STOPPED
 from calib.diagnose import DiagnosisFit
 from calib.text import replace_file
 from drivers.errors import AcquisitionError
@@ -47,17 +47,15 @@ from service.http.work.workers import Workers
 from service.refusals import REFUSALS, of_disk
 
 ABOUT = "loop.json"
-FAULT = "A fault of this program has ended the loop; its runs are kept."
-STOPPED = "Stopped on request."
-FITTED = ("campaign1", "campaign-follow-up")
-"""Ends of the names of the runs that a diagnosis fits; all others verify its correction."""
+Play = Callable[[Equipment, Say], str | None]
+FAULT = "A fault of this program has ended it; its runs are kept."
 
 
 class LoopWork:
     """Execution of one closed loop. Thread-safe, except `__call__`.
 
-    `done` handles the result and returns the id of the data set. `accepted` is as in `resume`. With `over` it has
-    ended; if it is paused then, it can only be continued by another execution.
+    `play` drives, keeps the results and returns the id of the data set, if there is one. `accepted` is as in `resume`.
+    With `over` it has ended; if it is paused then, it can only be continued by another execution.
     """
 
     def __init__(
@@ -68,10 +66,11 @@ class LoopWork:
         cell: Cell,
         devices: Devices,
         lease: LeaseDeadline,
-        done: Callable[[Compute, LoopResult], str],
+        play: Play,
         accepted: DeviceAcceptance | None = None,
     ) -> None:
-        self._folder, self._book, self._lease, self._done = folder, book, lease, done
+        self._folder, self._book, self._lease, self._play = folder, book, lease, play
+        self._rests = 0
         self._worker = Workers(1, waiting=0)
         self._changed = threading.Condition()  # never held while a run is asked or ordered anything
         self._status = status
@@ -91,6 +90,7 @@ class LoopWork:
             lease=lambda: self._lease,
             create=self._create,
             place=lambda record: book.record_of(self._name_of(record)),
+            rests=lambda: self._rests,
             resumed=self._resumed,
             compute=self._compute,
             diagnose=self._diagnose,
@@ -101,13 +101,12 @@ class LoopWork:
 
     # -- in the thread of the loop ------------------------------------------------------------------------
 
-    def __call__(self, campaign: Campaign, poses: int) -> None:
+    def __call__(self) -> None:
         """Run the whole loop; its status records the outcome."""
         state, reason, dataset_id = State.FAILED, FAULT, None
         problem: dict[str, Any] | None = None
         try:
-            result = close_loop(self._equipment, campaign, self._folder, poses=poses, say=self._say)
-            dataset_id = self._done(self._compute, result)
+            dataset_id = self._play(self._equipment, self._say)
             state, reason = State.SUCCEEDED, ""
         except LoopEnded as ended:
             state, reason = ended.outcome.state, str(ended)
@@ -182,6 +181,7 @@ class LoopWork:
         with self._changed:
             self._pausing = self._pausing or reason
             self._update(state=State.PAUSED, reason=reason, problem=problem)
+            self._rests += 1
             self._changed.wait_for(lambda: self._ending or not self._pausing or over())
             if self._ending:
                 return None
@@ -220,10 +220,15 @@ class LoopWork:
             self._run = run
             self._update(run_id=name, runs=tuple(dict.fromkeys((*self._status.runs, name))))
             try:
-                if run.status().state in (State.PAUSED.value, State.STOPPED.value):
+                state = State(run.status().state)
+                if state in (State.PAUSED, State.STOPPED) or (
+                    state is State.READY and self._accepted is not None
+                ):
                     run.resume(by=self._lease.owner, accepted=self._accepted)
                 self._checkpoint()  # an order that came meanwhile has seen no run, or has been followed by that
                 yield run
+                if state is not State.SUCCEEDED and State(run.status().state) is State.SUCCEEDED:
+                    self._accepted = None  # later runs expect the device of this one
             finally:
                 self._run = None
                 self._update(run_id=None)
@@ -284,8 +289,8 @@ class LoopWork:
             if self._status.state is not State.PAUSED:
                 raise Problem(
                     409,
-                    f"The loop is {self._status.state.value}; only a paused one can be resumed.",
-                    "Look at its state; begin a new loop where it has ended.",
+                    f"It is {self._status.state.value}; only a paused one can be resumed.",
+                    "Look at its state; begin a new one where it has ended.",
                     code=3104,
                 )
             self._go_on(lease, accepted)
@@ -295,21 +300,12 @@ class LoopWork:
 
         Raises
         ------
-        Problem
-            409: the run verifies a correction.
         NotResumed
             The run has ended, or has no reading that could be fitted.
         """
         with self._changed:
             run, current = self._run, self._status.run_id == run_id
             rests = self._status.state is State.PAUSED
-        if not run_id.endswith(FITTED):
-            raise Problem(
-                409,
-                "This run verifies the correction: with a part of its poses it would prove nothing.",
-                "Let it end, or stop the loop; its diagnosis and its readings are kept.",
-                code=3104,
-            )
         if run is None or not current or not rests:
             self._book.finish(run_id, by, reason)
             return

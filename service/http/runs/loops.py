@@ -3,7 +3,8 @@
 `RECORD/loops/ID/` has `loop.json` and the results. The campaigns of a loop are runs like any others
 (`RECORD/runs/ID-campaign1`). `asked.json` has what the loop was begun with. A loop that was cut off by the end of the
 service is paused; nothing of it moves until it is resumed. Then finished campaigns are used as they are, an unfinished
-one goes on, and everything else is computed again.
+one goes on, and everything else is computed again. Proofs of models are stored, ordered and resumed in the same way
+(`service.http.runs.verifications`).
 """
 
 from __future__ import annotations
@@ -18,16 +19,17 @@ from typing import Any
 
 from acquisition import Campaign, Cell, Devices, LeaseDeadline, State
 from acquisition.campaign import campaign_of_record
-from acquisition.loop import Compute, LoopResult
+from acquisition.loop import Equipment, Say, close_loop
 from acquisition.record import DeviceAcceptance
+from acquisition.run import STOPPED
 from calib.text import replace_file
 from drivers.errors import AcquisitionError
 from service.files import as_json
 from service.http.runs import errors
 from service.http.runs.dry_runs import Expected, readings_of
-from service.http.runs.loop_work import ABOUT, STOPPED, LoopStatus, LoopWork
+from service.http.runs.loop_work import ABOUT, LoopStatus, LoopWork, Play
 from service.http.runs.run_manager import FINISH_S, RunManager
-from service.http.wire.bodies import LoopAsked, LoopKept, ResponseBody
+from service.http.wire.bodies import LoopAsked, LoopKept, ResponseBody, WorkAsked
 from service.http.wire.paths import path_of
 from service.http.wire.problems import Problem, not_found
 from service.http.work.datasets import DatasetStore
@@ -43,28 +45,34 @@ _UNASKED = Expected()
 ENDED = (State.SUCCEEDED, State.FAILED, State.STOPPED)
 ASKED = "asked.json"
 CUT_OFF = "The service ended in mid-loop. Its runs are kept; begin a new loop to go through it whole."
-RESTS = (
-    "The service ended in mid-loop; nothing moves. What was measured is kept; resume the loop to continue."
-)
+RESTS = "The service ended; nothing moves. What was measured is kept. Resume to continue."
 
 
-class LoopStore:
-    """The loops of one record directory. Thread-safe."""
+class WorkStore:
+    """What drives several runs one after another, of one kind, in one record directory. Thread-safe.
+
+    `kind` is what clients call it, `asked` the members of its file `ASKED`. `fitted` are the ends of the names of the
+    runs that a diagnosis fits; only those can be finished early.
+    """
+
+    kind, fitted = "loop", ("campaign1", "campaign-follow-up")
+    asked: type[WorkAsked] = LoopAsked
 
     def __init__(
         self,
         folder: Path,
         book: RunManager,
-        datasets: DatasetStore,
         open_devices: Callable[[Cell], Devices],
         workers: Workers,
         *,
         simulated: bool,
     ) -> None:
-        self._folder, self._book, self._datasets, self._workers = folder, book, datasets, workers
+        self._folder, self._book, self._workers = folder, book, workers
         self._open_devices, self._simulated = open_devices, simulated
         self._work: dict[str, LoopWork] = {}
-        self._beginning = threading.Lock()  # of two clients that continue one loop, one does
+        self._turn = (
+            threading.Lock()
+        )  # of two clients that continue or stop what rests, one does; held for moments
         folder.mkdir(parents=True, exist_ok=True)
         for document in readable(self.ids(), self._read):
             if State(document["state"]) not in ENDED:
@@ -91,8 +99,7 @@ class LoopStore:
             404, or 500 if it is damaged.
         """
         self._known(name)
-        work = self._work.get(name)
-        document = self._read(name) if work is None else work.document
+        document = self._now(name)
         run = None if document["run_id"] is None else self._book.document(document["run_id"])
         if run is not None and State(document["state"]).active and State(run["state"]).active:
             document |= _state(State(run["state"]))  # a question to a person is one of the loop
@@ -101,7 +108,7 @@ class LoopStore:
         return document | {
             "run": run,
             "result": read_kept(result, ResponseBody) if done else None,
-            "report": path_of("reports", name) if done else None,
+            "report": path_of("reports", name) if done and self.kind == "loop" else None,
         }
 
     def runs_in_hand(self) -> tuple[str, ...]:
@@ -128,91 +135,6 @@ class LoopStore:
             time.sleep(seconds)  # only an order changes it
         return self._read(name)["version"]
 
-    # -- making -------------------------------------------------------------------------------------------
-
-    def check(self, cell: Cell, table: Mapping[str, Any], name: str, expected: Expected = _UNASKED) -> str:
-        """Make a dry run: the first campaign is checked, nothing is opened.
-
-        Raises
-        ------
-        ConfigError, UnsafePlan
-            The campaign cannot be used, or its plan is unsafe.
-        """
-        _, total = self._workers.call(readings_of, cell, table)
-        found = expected.words or f"{counted(total, 'reading')} in the first campaign; nothing has moved."
-        reason = f"Checked only: {found}"
-        status = self._new(name or cell.name, State.SUCCEEDED, expected, dry_run=True, reason=reason)
-        self._write(status.as_dict())
-        return status.id
-
-    def start(
-        self,
-        cell: Cell,
-        campaign: Campaign,
-        name: str,
-        poses: int,
-        lease: LeaseDeadline,
-        expected: Expected = _UNASKED,
-    ) -> str:
-        """Begin a loop; the robot moves.
-
-        Raises
-        ------
-        Problem
-            409: the robot is busy.
-        ConfigError, UnsafePlan
-            The loop or its campaign cannot be used.
-        """
-        self._book.refuse_busy()
-        devices = self._open_devices(cell)
-        status = self._new(name or cell.name, State.RUNNING, expected)
-        folder = self._folder / status.id
-        asked = {"cell": cell.source, "campaign": campaign.source, "poses": poses}
-        replace_file(folder / ASKED, as_json(asked))
-        self._write(status.as_dict())
-        try:
-            self._begin(status, cell, devices, campaign, poses, lease)
-        except Problem:  # another was quicker
-            shutil.rmtree(folder)
-            raise
-        return status.id
-
-    def _begin(
-        self,
-        status: LoopStatus,
-        cell: Cell,
-        devices: Devices,
-        campaign: Campaign,
-        poses: int,
-        lease: LeaseDeadline,
-        accepted: DeviceAcceptance | None = None,
-    ) -> None:
-        own, folder = status.id, self._folder / status.id
-
-        def done(compute: Compute, result: LoopResult) -> str:
-            compute(loop_results.write, result, folder)
-            return compute(self._datasets.keep, result.data, status.name)["id"]
-
-        work = LoopWork(folder, status, self._book, cell, devices, lease, done, accepted)
-        former, self._work[own] = self._work.get(own), work  # a stop reaches it from its first moment
-        try:
-            self._book.lend(own, lambda: work(campaign, poses))
-        except Problem:
-            self._work.pop(own)
-            if former is not None:
-                self._work[own] = former
-            raise
-
-    def _new(
-        self, name: str, state: State, expected: Expected, *, dry_run: bool = False, reason: str = ""
-    ) -> LoopStatus:
-        own = new_id()
-        (self._folder / own).mkdir()
-        made = utc_text(time.time())
-        return LoopStatus(
-            own, name, made, self._simulated, state, dry_run=dry_run, reason=reason, outlook=expected.outlook
-        )
-
     # -- orders -------------------------------------------------------------------------------------------
 
     def pause(self, name: str, by: str) -> None:
@@ -238,48 +160,46 @@ class LoopStore:
         Raises
         ------
         Problem
-            404, or 409 if the loop is not paused, or is of another cell or other devices.
+            404, or 409 if it is not paused, or is of another cell or other devices.
         """
-        with self._beginning:
-            rests = self._rests(name)
-            if rests:
-                self._continue(name, cell, lease, accepted)
-        if not rests:
+        if not self._rests(name) or not self._continue(name, cell, lease, accepted):
             self._going_on(name).resume(lease, accepted)
 
     def _rests(self, name: str) -> bool:
         """Return whether a loop is paused without an execution."""
         self._known(name)
         work = self._work.get(name)
-        document = self._read(name) if work is None else work.document
-        return document["state"] == State.PAUSED.value and (work is None or work.over)
+        return self._now(name)["state"] == State.PAUSED.value and (work is None or work.over)
 
     def _continue(
         self, name: str, cell: Cell, lease: LeaseDeadline, accepted: DeviceAcceptance | None
-    ) -> None:
-        asked = read_kept(self._folder / name / ASKED, LoopAsked)
-        work = self._work.get(name)
-        document = self._read(name) if work is None else work.document
-        if asked["cell"] != cell.source:
+    ) -> bool:
+        """Execute again what rests, and return True; return False if it was continued or stopped meanwhile."""
+        document = self._now(name)
+        if self._asked(name)["cell"] != cell.source:
             raise errors.other_cell()
         if document["simulated"] != self._simulated:
             raise errors.other_devices(simulated=document["simulated"])
         gone = [run for run in document["runs"] if not self._book.record_of(run).is_dir()]
         if gone:
-            raise Problem(409, f"Its run {gone[0]} was deleted.", "Begin a new loop.", code=8110)
+            raise Problem(409, f"Its run {gone[0]} was deleted.", f"Begin a new {self.kind}.", code=8110)
         if self._book.lent_to == name:  # its thread is just ending
             self._book.join(FINISH_S)
-        self._book.refuse_busy()
-        campaign = campaign_of_record(asked["campaign"], f"loops/{name}/{ASKED}")
-        known = {each.name: document[each.name] for each in fields(LoopStatus) if each.name in document}
-        known |= {"steps": tuple(known["steps"]), "runs": tuple(known["runs"])}
-        begun = LoopStatus(**known | {"state": State.RUNNING, "reason": "", "problem": None, "run_id": None})
         devices = self._open_devices(cell)
-        try:
-            self._begin(begun, cell, devices, campaign, asked["poses"], lease, accepted)
-        except Problem:  # another was quicker
-            self._write(document)
-            raise
+        with self._turn:
+            if not self._rests(name):
+                return False
+            self._book.refuse_busy()
+            document = self._now(name)
+            known = {each.name: document[each.name] for each in fields(LoopStatus) if each.name in document}
+            known |= {"steps": tuple(known["steps"]), "runs": tuple(known["runs"])}
+            known |= {"state": State.RUNNING, "reason": "", "problem": None, "run_id": None}
+            try:
+                self._begin(LoopStatus(**known), cell, devices, lease, accepted)
+            except Problem:  # another was quicker
+                self._write(document)
+                raise
+        return True
 
     def finish(self, run_id: str, lease: LeaseDeadline, by: str, reason: str) -> None:
         """Finish a run of the loop that has the robot; the loop goes on with its diagnosis.
@@ -287,11 +207,19 @@ class LoopStore:
         Raises
         ------
         Problem
-            409: the loop has ended, or its run is that of the verification.
+            409: it has ended, or its run verifies a model.
         NotResumed
             The run has ended, or has no reading that could be fitted.
         """
-        self._going_on(self._book.lent_to or "").finish(run_id, lease, by, reason)
+        work = self._going_on(self._book.lent_to or "")
+        if not run_id.endswith(self.fitted):
+            raise Problem(
+                409,
+                "This run verifies the correction: with a part of its poses it would prove nothing.",
+                f"Let it end, or stop the {self.kind}; what is measured is kept.",
+                code=3104,
+            )
+        work.finish(run_id, lease, by, reason)
 
     def stop(self, name: str, by: str) -> list[AcquisitionError]:
         """Stop a loop; return the errors of devices that could not be stopped.
@@ -303,35 +231,170 @@ class LoopStore:
         Problem
             404, or 409 if the loop has ended.
         """
-        if not self._rests(name):
-            return self._going_on(name).stop(by)
-        work = self._work.pop(name, None)
-        document = self._read(name) if work is None else work.document
-        ended = {"reason": STOPPED, "problem": None, "version": document["version"] + 1}
-        self._write(document | _state(State.STOPPED) | ended)
-        return []
+        if self._rests(name):
+            with self._turn:
+                if self._rests(name):
+                    document = self._now(name)
+                    ended = {"reason": STOPPED, "problem": None, "version": document["version"] + 1}
+                    self._write(document | _state(State.STOPPED) | ended)
+                    self._work.pop(name, None)
+                    return []
+        return self._going_on(name).stop(by)
 
     def _going_on(self, name: str) -> LoopWork:
         self._known(name)
         work = self._work.get(name)
         if work is None or State(work.document["state"]) in ENDED:
-            raise Problem(409, "The loop has ended.", "Look at its runs and results.", code=8110)
+            raise Problem(409, f"The {self.kind} has ended.", "Look at its runs and results.", code=8110)
         return work
+
+    # -- making -------------------------------------------------------------------------------------------
+
+    def _start(self, status: LoopStatus, cell: Cell, lease: LeaseDeadline) -> str:
+        """Begin what was just made, and return its id; nothing is kept of it if it cannot begin.
+
+        Raises
+        ------
+        Problem
+            409: the robot is busy.
+        """
+        try:
+            self._book.refuse_busy()
+            devices = self._open_devices(cell)
+            self._write(status.as_dict())
+            self._begin(status, cell, devices, lease)
+        except BaseException:  # perhaps another was quicker
+            shutil.rmtree(self._folder / status.id)
+            raise
+        return status.id
+
+    def _begin(
+        self,
+        status: LoopStatus,
+        cell: Cell,
+        devices: Devices,
+        lease: LeaseDeadline,
+        accepted: DeviceAcceptance | None = None,
+    ) -> None:
+        own, play = status.id, self._play(status, cell)
+        work = LoopWork(self._folder / own, status, self._book, cell, devices, lease, play, accepted)
+        former, self._work[own] = self._work.get(own), work  # a stop reaches it from its first moment
+        try:
+            self._book.lend(own, work, self.kind)
+        except Problem:
+            self._work.pop(own)
+            if former is not None:
+                self._work[own] = former
+            raise
+
+    def _play(self, status: LoopStatus, cell: Cell) -> Play:
+        """Return what drives it, as its file `ASKED` says."""
+        raise NotImplementedError
+
+    def _new(
+        self,
+        name: str,
+        state: State,
+        outlook: dict[str, Any] | None = None,
+        *,
+        dry_run: bool = False,
+        reason: str = "",
+    ) -> LoopStatus:
+        own = new_id()
+        (self._folder / own).mkdir()
+        made = utc_text(time.time())
+        return LoopStatus(
+            own, name, made, self._simulated, state, dry_run=dry_run, reason=reason, outlook=outlook
+        )
 
     def close(self) -> None:
         """End all loops, because the service ends; nothing new begins."""
         for work in self._work.values():
             work.close()
 
+    def _now(self, name: str) -> dict[str, Any]:
+        work = self._work.get(name)
+        return self._read(name) if work is None else work.document
+
+    def _asked(self, name: str) -> dict[str, Any]:
+        return read_kept(self._folder / name / ASKED, self.asked)
+
     def _known(self, name: str) -> None:
         if not safe_id(name) or not (self._folder / name / ABOUT).is_file():
-            raise not_found("loop", name)
+            raise not_found(self.kind, name)
 
     def _read(self, name: str) -> dict[str, Any]:
         return read_kept(self._folder / name / ABOUT, LoopKept)
 
     def _write(self, document: Mapping[str, Any]) -> None:
         replace_file(self._folder / document["id"] / ABOUT, as_json(dict(document)))
+
+
+class LoopStore(WorkStore):
+    """The loops of one record directory; `datasets` keeps the readings of those that are through."""
+
+    def __init__(
+        self,
+        folder: Path,
+        book: RunManager,
+        datasets: DatasetStore,
+        open_devices: Callable[[Cell], Devices],
+        workers: Workers,
+        *,
+        simulated: bool,
+    ) -> None:
+        super().__init__(folder, book, open_devices, workers, simulated=simulated)
+        self._datasets = datasets
+
+    def check(self, cell: Cell, table: Mapping[str, Any], name: str, expected: Expected = _UNASKED) -> str:
+        """Make a dry run: the first campaign is checked, nothing is opened.
+
+        Raises
+        ------
+        ConfigError, UnsafePlan
+            The campaign cannot be used, or its plan is unsafe.
+        """
+        _, total = self._workers.call(readings_of, cell, table)
+        found = expected.words or f"{counted(total, 'reading')} in the first campaign; nothing has moved."
+        reason = f"Checked only: {found}"
+        status = self._new(name or cell.name, State.SUCCEEDED, expected.outlook, dry_run=True, reason=reason)
+        self._write(status.as_dict())
+        return status.id
+
+    def start(
+        self,
+        cell: Cell,
+        campaign: Campaign,
+        name: str,
+        poses: int,
+        lease: LeaseDeadline,
+        expected: Expected = _UNASKED,
+    ) -> str:
+        """Begin a loop; the robot moves.
+
+        Raises
+        ------
+        Problem
+            409: the robot is busy.
+        ConfigError, UnsafePlan
+            The loop or its campaign cannot be used.
+        """
+        self._book.refuse_busy()
+        status = self._new(name or cell.name, State.RUNNING, expected.outlook)
+        asked = {"cell": cell.source, "campaign": campaign.source, "poses": poses}
+        replace_file(self._folder / status.id / ASKED, as_json(asked))
+        return self._start(status, cell, lease)
+
+    def _play(self, status: LoopStatus, cell: Cell) -> Play:
+        folder, asked = self._folder / status.id, self._asked(status.id)
+        campaign = campaign_of_record(asked["campaign"], f"loops/{status.id}/{ASKED}")
+
+        def play(equipment: Equipment, say: Say) -> str:
+            result = close_loop(equipment, campaign, folder, poses=asked["poses"], say=say)
+            equipment.compute(loop_results.write, result, folder)
+            return equipment.compute(self._datasets.keep, result.data, status.name)["id"]
+
+        return play
 
 
 def _state(state: State) -> dict[str, Any]:

@@ -344,8 +344,14 @@ class RunManager:
 
     # -- for a loop --------------------------------------------------------------------------------------
 
-    def lend(self, loop_id: str, work: Callable[[], None]) -> None:
-        """Let a loop use the robot until `work`, in a separate thread, ends.
+    @property
+    def lent_for(self) -> str:
+        """Whether it is a loop or a verification that uses the robot; empty if neither does."""
+        execution = self._execution
+        return "" if execution is None or not execution.loop_id else execution.kind
+
+    def lend(self, loop_id: str, work: Callable[[], None], kind: str = "loop") -> None:
+        """Let a loop, or a verification, use the robot until `work`, in a separate thread, ends.
 
         Raises
         ------
@@ -364,7 +370,7 @@ class RunManager:
             self.refuse_busy()
             # Not waited for when the program ends: between its runs a loop computes for many seconds.
             thread = threading.Thread(target=whole, name=f"loop {loop_id}", daemon=True)
-            self._execution = RobotThread(thread, "", loop_id)
+            self._execution = RobotThread(thread, "", loop_id, kind=kind)
             thread.start()
 
     @contextmanager

@@ -36,6 +36,7 @@ After = Annotated[
 ]
 _ID = ["20261121-170459-3f9a1c07b2e"]
 RunId = Annotated[str, Path(description="The id of a run.", examples=_ID)]
+VerificationId = Annotated[str, Path(description="The id of a verification.", examples=_ID)]
 LoopId = Annotated[str, Path(description="The id of a loop.", examples=_ID)]
 CampaignId = Annotated[str, Path(description="The id of a campaign that was kept.", examples=_ID)]
 DatasetId = Annotated[str, Path(description="The id of a data set.", examples=_ID)]

@@ -10,6 +10,7 @@ import csv
 import io
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -173,6 +174,14 @@ def _value(name: str, cell: str) -> float | str:
         return cell
 
 
+def _proven(model_file: Path, order: Mapping[str, Any]) -> tuple[CalibratedModel, Usable]:
+    """Return what `for_use` does, with the error that a verification has shown, if the file states none."""
+    saved, usable = for_use(model_file, order)
+    if saved.verified_rms_mm is None:
+        saved = replace(saved, verified_rms_mm=order["verified_rms_mm"])
+    return saved, usable
+
+
 def exported(model_file: Path, model_id: str, kind: str, order: Mapping[str, Any]) -> dict[str, Any]:
     """Return the document of the answer; `order` is the query of the request.
 
@@ -181,7 +190,7 @@ def exported(model_file: Path, model_id: str, kind: str, order: Mapping[str, Any
     DataError
         The model cannot be written in this format.
     """
-    saved, usable = for_use(model_file, order)
+    saved, usable = _proven(model_file, order)
     done = written(saved, usable, model_id, kind, order["conditions"], order["robot_hash"] or None)
     return finite(done.document | {"text": done.text, "about": list(done.about)})
 
@@ -194,5 +203,5 @@ def exports_listed(model_file: Path, model_id: str, order: Mapping[str, Any]) ->
     DataError
         No format can hold the model.
     """
-    saved, usable = for_use(model_file, order)
+    saved, usable = _proven(model_file, order)
     return finite(document_of(listed(saved, usable, model_id, order["conditions"])))

@@ -8,6 +8,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
+from pydantic import Field
+
 from acquisition.loop import FollowUpResult, LoopResult, targets_csv
 from calib.saved import save_model
 from calib.text import replace_file
@@ -33,6 +35,34 @@ TARGETS = "targets.csv"
 FILES = (RESULT, MODEL, TARGETS, REPORT, ARROWS)
 
 
+class LandingShown(ResponseBody):
+    """One reading at a new pose."""
+
+    pose: Annotated[int, told("Number of the pose, from 1.", 1)]
+    target: Annotated[str, told("The target that was measured.", "T1")]
+    corrected: Annotated[bool, told("Driven with the correction.", True)]
+    joints_deg: Annotated[
+        list[float],
+        told(
+            "Joints of the pose, not corrected, deg, or mm of joints that slide.",
+            [12.0, 45.0, -10.0, 80.0, -35.0, 10.0],
+        ),
+    ]
+    wanted_mm: Annotated[
+        list[float], told("Where the target must be in the world, x, y, z, mm.", [401.2, 88.1, 310.4])
+    ]
+    error_mm: Annotated[list[float], told("Measured minus wanted, x, y, z, mm.", [0.021, -0.012, 0.004])]
+    off_mm: Annotated[float, told("Length of that, mm.", 0.025)]
+    u_mm: Annotated[
+        float,
+        told(
+            "Expanded uncertainty (k = 2) of the error in its most uncertain direction, mm: noise of the instrument "
+            "and repeatability of the robot, without that of the world frame.",
+            0.06,
+        ),
+    ]
+
+
 class Verified(ResponseBody):
     """The error of the robot at new poses when driven with corrected targets."""
 
@@ -56,6 +86,9 @@ class Verified(ResponseBody):
     of_lengths: Annotated[
         bool, told("The errors are those of lengths along a ballbar, not of positions.", False)
     ] = False
+    landings: Annotated[list[LandingShown], told("Every reading, in the order of measurement.", [])] = Field(
+        default_factory=list
+    )
 
 
 class RivalsBefore(ResponseBody):
@@ -129,7 +162,7 @@ def write(
     document = document_of(LoopResponse.of(outcome, verification=result.verification, **followed, **reached))
     final, sealed = result.diagnosis.final, None
     if final.converged:
-        sealed = save_model(folder / MODEL, final, result.diagnosis)
+        sealed = save_model(folder / MODEL, final, result.diagnosis, verified=result.verification.verified)
     replace_file(folder / TARGETS, targets_csv(result.targets, result.diagnosis.dataset.header.robot))
     replace_file(
         folder / REPORT,

@@ -26,8 +26,9 @@ class ExportChoice(ResponseBody):
     left_mm: Annotated[
         Real,
         told(
-            "Error that remains, RMS, mm: that of the file and the model's own on readings held out; null: the "
-            "model's own is not known, or the format does not suit.",
+            "Error that remains, RMS, mm: that of the file and the model's own on readings held out, or, without "
+            "those, that of the robot at new poses (`verified_rms_mm`); null: neither is known, or the format does not "
+            "suit.",
             0.96,
         ),
     ]
@@ -53,6 +54,10 @@ class ExportChoices(ResponseBody):
     held_out_rms_mm: Annotated[
         float | None, told("The model's own error on readings held out, RMS, mm.", 0.04)
     ]
+    verified_rms_mm: Annotated[
+        float | None,
+        told("The robot at new poses, driven with the whole correction, RMS, mm; null: not verified.", 0.045),
+    ] = None
     holds_for: Annotated[str, told("The conditions for which the numbers hold.", "approach from below")]
     judged_at: Annotated[str, told("The poses of the losses.", "random poses within the joint limits")]
     exports: Annotated[list[ExportChoice], told("The formats.", [])]

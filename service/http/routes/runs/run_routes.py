@@ -113,8 +113,11 @@ async def finish_run(
 
     def work() -> JSONResponse:
         by = who(here, lease_id)
-        if run_id in here.loops.runs_in_hand():
-            here.let_move(lease_id, lambda lease: here.loops.finish(run_id, lease, by, body.reason))
+        store = next(
+            (each for each in (here.loops, here.verifications) if run_id in each.runs_in_hand()), None
+        )
+        if store is not None:
+            here.let_move(lease_id, lambda lease: store.finish(run_id, lease, by, body.reason))
         else:
             here.book.finish(run_id, by, body.reason)
         return accepted(here, run_id)

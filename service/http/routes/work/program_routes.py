@@ -140,6 +140,7 @@ def list_exports(
         "named_only": named_only,
         "largest_deg": largest_deg,
         "largest_mm": largest_mm,
+        "verified_rms_mm": here.verifications.verified_rms_mm(job_id),
     }
     return here.workers.call(exports_listed, here.jobs.model_file(job_id), job_id, order)
 
@@ -170,5 +171,6 @@ def export_model(
         "named_only": named_only,
         "largest_deg": largest_deg,
         "largest_mm": largest_mm,
+        "verified_rms_mm": here.verifications.verified_rms_mm(job_id),
     }
     return here.workers.call(exported, here.jobs.model_file(job_id), job_id, kind, order)

@@ -38,13 +38,14 @@ def get_model(here: Here, job_id: JobId) -> JSONResponse:
 
 @router.get("/results/{result_id}", operation_id="getResult", response_model=ResultShown)
 def get_result(here: Here, result_id: JobId) -> dict[str, Any]:
-    """A job of any kind, or a closed loop, for whoever has its id alone; `kind` says which of them it is."""
+    """A job of any kind, a closed loop or a verification, for whoever has its id alone; `kind` says which it is."""
     kind = here.jobs.kind_of(result_id)
     if kind is not None:
         return here.jobs.document(kind, result_id)
-    if result_id not in here.loops.ids():
-        raise not_found("result", result_id)
-    return here.loops.document(result_id) | {"kind": "loop"}
+    for store in (here.loops, here.verifications):
+        if result_id in store.ids():
+            return store.document(result_id) | {"kind": store.kind}
+    raise not_found("result", result_id)
 
 
 @router.get("/results/{job_id}/arrows", operation_id="getArrows", response_model=ArrowsShown)

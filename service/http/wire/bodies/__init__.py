@@ -43,6 +43,7 @@ from service.http.wire.bodies.requests import (
     NewCampaign,
     NewLoop,
     NewRun,
+    NewVerification,
     RegressionAsked,
     Resume,
     ResumeBody,
@@ -64,6 +65,10 @@ from service.http.wire.bodies.runs import (
     Prompts,
     RunResponse,
     Runs,
+    VerificationAsked,
+    VerificationList,
+    VerificationShown,
+    WorkAsked,
 )
 from service.http.wire.bodies.targets import CorrectedProgram, CorrectedTargets, ExportKind, ModelExport
 from service.results.common import ModelShown
@@ -107,6 +112,7 @@ __all__ = [
     "NewCampaign",
     "NewLoop",
     "NewRun",
+    "NewVerification",
     "PlacementsAsked",
     "PlacementsShown",
     "ProblemKept",
@@ -131,5 +137,9 @@ __all__ = [
     "ToIdentify",
     "ValidationAsked",
     "ValidationShown",
+    "VerificationAsked",
+    "VerificationList",
+    "VerificationShown",
     "WhyBody",
+    "WorkAsked",
 ]

@@ -53,6 +53,7 @@ class CellShown(ResponseBody):
     simulated: Simulated
     run_id: Annotated[str | None, told("The run that uses the robot.", None)]
     loop_id: Annotated[str | None, told("The loop that uses the robot.", None)]
+    verification_id: Annotated[str | None, told("The verification that uses the robot.", None)] = None
     last_run_id: Annotated[
         str | None, told("The run that uses the robot, or used it last: perhaps it is paused.", None)
     ]

@@ -187,8 +187,10 @@ class JobResponse(_Job):
 class ResultShown(ResponseBody):
     """Members of all results. Those of jobs have the members of a job besides, those of loops the members of a loop."""
 
-    id: Annotated[str, told("The id of the job or loop.", "20261122-143851-6ab9e645236")]
-    kind: Annotated[str, told("identification, diagnosis, regression, alignment or loop.", "diagnosis")]
+    id: Annotated[str, told("The id of the job, loop or verification.", "20261122-143851-6ab9e645236")]
+    kind: Annotated[
+        str, told("identification, diagnosis, regression, alignment, loop or verification.", "diagnosis")
+    ]
     state: Annotated[str, told("The state, as of a run.", "succeeded")]
     version: Annotated[int, told("A number that grows with everything that happens.", 3)]
     created_utc: Annotated[str, told("When it was asked for, RFC 3339.", "2026-11-22T14:43:01.512Z")]

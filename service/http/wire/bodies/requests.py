@@ -217,6 +217,39 @@ class NewLoop(NewRun):
         return self
 
 
+class NewVerification(RequestBody):
+    """The proof of a model on the robot, given by one of `model_id` and `model`.
+
+    If `dry_run` is true, everything is checked and nothing moves.
+    """
+
+    model_config = ConfigDict(
+        json_schema_extra={"examples": [{"model_id": _CAMPAIGN_ID, "poses": 10, "dry_run": True}]}
+    )
+
+    model_id: Annotated[
+        str,
+        told("The id of the model: that of its job or loop.", _CAMPAIGN_ID, max_length=200),
+    ] = ""
+    model: Annotated[
+        dict[str, Any], told("The model itself, as its file holds it (`truepose-model/1`).", {})
+    ] = Field(default_factory=dict)
+    poses: Annotated[
+        int, told("Number of new poses, each driven corrected and uncorrected.", 10, ge=1, le=500)
+    ] = 10
+    seed: Annotated[int, told("Number from which the poses are drawn; no unit.", 1, ge=0, le=2**31)] = 1
+    dry_run: Annotated[bool, told("True: check everything, move nothing. False: the robot moves.", True)] = (
+        True
+    )
+    name: Given = ""
+
+    @model_validator(mode="after")
+    def _one_model(self) -> Self:
+        if bool(self.model) == bool(self.model_id):
+            raise ValueError("give either model_id or model")
+        return self
+
+
 class ReasonBody(RequestBody):
     """The name or reason that a person gives with an order; may be left out."""
 

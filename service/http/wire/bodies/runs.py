@@ -20,6 +20,7 @@ from service.http.wire.bodies.fields import (
 )
 from service.results.cell.accuracy import AccuracyShown, OutlookShown
 from service.results.cell.loop_results import LoopResponse
+from service.results.cell.proven import VerificationResult
 
 RunState = Annotated[State, told("What it does; `state_code` is its number.", "running")]
 StateCode = Annotated[
@@ -189,19 +190,21 @@ class LoopKept(ResponseBody):
     dry_run: DryRun
 
 
-class LoopAsked(ResponseBody):
-    """The members of the file that states what a closed loop was begun with."""
+class WorkAsked(ResponseBody):
+    """The member that all files have which state what a closed loop or a verification was begun with."""
 
     cell: str
+
+
+class LoopAsked(WorkAsked):
+    """The members of that file of a closed loop."""
+
     campaign: str
     poses: int
 
 
-class LoopShown(LoopKept):
-    """A closed loop: `step` is its current step, `run` the current one of `runs`.
-
-    `result` is present once the loop has finished.
-    """
+class WorkShown(LoopKept):
+    """What a closed loop and a verification have in common."""
 
     created_utc: Created
     state_code: StateCode
@@ -209,9 +212,20 @@ class LoopShown(LoopKept):
     step: Annotated[str, told("What it does now.", "diagnosis")]
     steps: Annotated[list[str], told("What it has done, the last in hand.", ["campaign", "diagnosis"])]
     run: Annotated[RunResponse | None, told("The run in hand.", None)]
-    dataset_id: Annotated[str | None, told("The id of its readings, once it is through.", None)]
     simulated: Simulated
     problem: Annotated[ProblemShown | None, told("What it failed or rests for.", None)]
+    problems: Annotated[
+        list[DeviceError], told("In the answer to a stop: what could not be stopped.", [])
+    ] = Field(default_factory=list)
+
+
+class LoopShown(WorkShown):
+    """A closed loop: `step` is its current step, `run` the current one of `runs`.
+
+    `result` is present once the loop has finished.
+    """
+
+    dataset_id: Annotated[str | None, told("The id of its readings, once it is through.", None)]
     outlook: Annotated[
         OutlookShown | None, told("What it is expected to need, where an accuracy was asked for.", None)
     ] = None
@@ -219,9 +233,27 @@ class LoopShown(LoopKept):
     report: Annotated[
         str | None, told("The path of its report.", "/api/v1/reports/20261121-170459-3f9a1c07b2e")
     ]
-    problems: Annotated[
-        list[DeviceError], told("In the answer to a stop: what could not be stopped.", [])
-    ] = Field(default_factory=list)
+
+
+class VerificationOrder(ResponseBody):
+    """What a verification was asked to prove."""
+
+    model_id: Annotated[str, told("The id of the model; empty: it was sent.", "20261121-170459-3f9a1c07b2e")]
+    poses: Annotated[int, told("Number of new poses.", 10)]
+    seed: Annotated[int, told("Number from which the poses are drawn; no unit.", 1)]
+
+
+class VerificationAsked(WorkAsked, VerificationOrder):
+    """The members of the file that states what a verification was begun with."""
+
+
+class VerificationShown(WorkShown, VerificationOrder):
+    """The proof of a model on the robot: `step` is its current step, `run` the current one of `runs`.
+
+    `result` is present once it has finished.
+    """
+
+    result: Annotated[VerificationResult | None, told("What it has shown.", None)]
 
 
 class EventShown(ResponseBody):
@@ -252,6 +284,12 @@ class LoopList(ResponseBody):
     """Every loop."""
 
     loops: Annotated[list[LoopShown], told("Newest first.", [])]
+
+
+class VerificationList(ResponseBody):
+    """Every verification."""
+
+    verifications: Annotated[list[VerificationShown], told("Newest first.", [])]
 
 
 class Prompts(ResponseBody):
