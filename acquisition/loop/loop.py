@@ -433,22 +433,24 @@ def verify(
             keep = np.all(np.isfinite(joints), axis=1) & clear(equipment.cell, joints)
             refused += ["the temperature moved it out of reach"] * int(np.sum(~keep))
             goals, joints = goals[keep], joints[keep]
-        if len(goals):
-            corrected = campaign_of(campaign, joints, goals, _legs_at(equipment.cell, diagnosis, goals))
-            may_age = follows and begun is None
-            second = _measured(equipment, corrected, record, last, rests if may_age else None)
-            if second is None:
-                say(AGAIN)
-                continue
-            later_s = float(np.nan_to_num(since_s)) + second.began_s - first.began_s
-            batches.append(
-                _judged(second, first, joints, goals, saved, equipment.cell, later_s, devices, diagnosis)
-            )
-            for each in individuals_of(second.record).values():
-                if each.reason:
-                    accepted[each.why()] = None
-            sent.append(np.hstack([goals, joints]))
-            last = second
+        if not len(goals):
+            begin, number = begin + size, number - 1  # no record is made
+            continue
+        corrected = campaign_of(campaign, joints, goals, _legs_at(equipment.cell, diagnosis, goals))
+        may_age = follows and begun is None
+        second = _measured(equipment, corrected, record, last, rests if may_age else None)
+        if second is None:
+            say(AGAIN)
+            continue
+        later_s = float(np.nan_to_num(since_s)) + second.began_s - first.began_s
+        batches.append(
+            _judged(second, first, joints, goals, saved, equipment.cell, later_s, devices, diagnosis)
+        )
+        for each in individuals_of(second.record).values():
+            if each.reason:
+                accepted[each.why()] = None
+        sent.append(np.hstack([goals, joints]))
+        last = second
         begin += size
     if not sent:
         raise UnsafePlan(f"none of {len(wanted)} corrected targets can be driven: {refused[-1]}")

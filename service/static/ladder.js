@@ -14,7 +14,7 @@ export function rungs(job) {
 }
 
 export function errorsOf(job) {
-  const all = rungs(job), held = all.filter(([name]) => name !== t("rungUncorrected"));
+  const all = rungs(job), others = all.filter(([name]) => name !== t("rungUncorrected")), held = others.length > 1 ? others : all;  // a verification has no other
   return { first: held.length ? held[0][1].rms : null, last: held.length ? held.at(-1)[1].rms : null };
 }
 

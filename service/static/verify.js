@@ -19,7 +19,7 @@ export function open(root, id) {
   const title = h("h1", { id: "title" }, t("view_of_verify")), says = h("p", { className: "lead", role: "status" }), told = h("div", {}), body = h("div", { className: "stack" }), foot = footBar(t("next")), top = head(t("stepOf", { n: 6 }), title, says);
   const count = h("input", { type: "number", id: "proof-poses", value: POSES, min: 1, max: 500, inputMode: "numeric", on: { input: () => show() } }), seen = h("input", { type: "checkbox", id: "seen", on: { change: () => confirm.classList.remove("miss") } }), who = nameField("starter"), asked = h("label", { className: "field slim" }, h("span", {}, t("yourName")), who);
   const confirm = h("label", { className: "confirm" }, seen, h("span", {}, h("strong", {}, t("lookedIn")), h("span", { className: "sub" }, t("lookedInHint"))));
-  const offer = h("div", { className: "cols c7-5" }, card(t("proveModel"), h("label", { className: "field slim" }, h("span", {}, t("posesToVerify")), count), h("p", {}, t("proofMoves")), h("p", { className: "sub" }, t("proofHow"))), h("div", { className: "stack" }, confirm, asked));
+  const offer = h("div", { className: "cols c7-5" }, card(t("whatMoves"), h("label", { className: "field slim" }, h("span", {}, t("posesToVerify")), count), h("p", {}, t("proofMoves")), h("p", { className: "sub" }, t("proofHow"))), h("div", { className: "stack" }, confirm, asked));
   const picture = scenePicture(t("proofPicture"));
   root.append(top, told, offer, body, foot);
   let model = null, proof = null, inner = null, run = "", again = false, drawn = "";

@@ -218,7 +218,7 @@ const WORDS = {
   as_status: "status", as_set: "set", as_series: "series", as_waypoint: "waypoint",
   reportFile: "Download the report", modelFile: "Download the model", openReport: "Open the report",
   notConverged: "It has not converged: no model.",
-  kind_identification: "identification", kind_diagnosis: "diagnosis", kind_regression: "regression", kind_alignment: "alignment", kind_loop: "loop",
+  kind_identification: "identification", kind_diagnosis: "diagnosis", kind_regression: "regression", kind_alignment: "alignment", kind_loop: "loop", kind_verification: "verification",
 
   waitsForTurn: "waits for its turn", sinceThen: "since {time}", toRun: "To the run",
   ladder: "Typical position error (RMS)",
@@ -530,6 +530,7 @@ const WORDS = {
   notBetter: "On the robot the correction is no better",
   proofHow: "What the instrument sees at poses that took no part in the calibration is the proof. Every path is checked before the first motion.",
   proveModel: "Verify this model on the robot",
+  whatMoves: "What moves",
   proofMoves: "The nests and one pose are measured first. Then the robot drives through its whole workspace to every new pose twice, with the correction and without, and the instrument measures every target.",
   proveNow: "Verify at {n} poses: the robot moves",
   proveAgain: "Verify again",

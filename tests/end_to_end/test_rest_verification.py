@@ -1,4 +1,4 @@
-"""The proof of a model over HTTP, on the sockets of a simulated cell.
+"""The proof of a model over HTTP and at the terminal, on the sockets of a simulated cell.
 
 These would catch: a motion without a lease or without a check, a model of another robot that is driven, a robot lent to
 two, and a proof that a crash loses or that measures again what it has. They would also catch a pose that was corrected
@@ -9,20 +9,23 @@ from __future__ import annotations
 
 import json
 import signal
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from acquisition import export
+from acquisition import export, read_status
 from acquisition.loop import rehearsal
 from acquisition.loop.loop import AGAIN, measure
+from acquisition.record import is_begun
 from calib import read_dataset
 from calib.diagnose import diagnose
 from calib.saved import save_model
 from calib.saved.model_checks import content_hash
 from tests.drivers.waiting import PATIENCE_S, until
-from tests.end_to_end.simulated import stepped_cell
+from tests.end_to_end.simulated import ROOT, stepped_cell, truepose
 from tests.service.test_http_support import Served, problem, served
 
 SCALE = 400.0
@@ -199,3 +202,35 @@ def test_a_model_of_another_robot_is_refused_with_what_to_do(
         problem(service.client.post("/verifications", json={"model_id": "none"}), 404)
         problem(service.client.post("/verifications", json={"poses": 3}), 422)
         assert service.client.get("/verifications").json()["verifications"] == []
+
+
+def test_at_the_terminal_a_proof_goes_on_after_an_interruption(
+    backlash: tuple[Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    cell, model = backlash
+    file, out = cell.parent / "model.json", tmp_path / "out"
+    command = ["verify", str(cell), str(file), "--poses", "3", "--record", str(out)]
+    planned = truepose(*command, "--simulate", "--plan-only")
+    assert planned.returncode == 0, planned.stderr
+    assert "21 readings" in planned.stdout
+    real = truepose(*command)
+    assert real.returncode != 0
+    assert "simulated robot" in real.stderr  # and nobody is at the terminal
+    assert not out.exists()
+    with subprocess.Popen([sys.executable, "-m", "service.cli", *command, "--simulate"], cwd=ROOT) as process:
+        until(lambda: is_begun(out / "campaign2") and read_status(out / "campaign2").done > 1)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(PATIENCE_S) == 130
+    changed = {key: value for key, value in model.items() if key != "noise_scale"}
+    changed["content_sha256"] = content_hash(changed)
+    (tmp_path / "other.json").write_text(json.dumps(changed), "utf-8")
+    other = truepose("verify", str(cell), str(tmp_path / "other.json"), *command[3:], "--simulate")
+    assert "another model" in other.stderr
+    first = read_status(out / "campaign1").version
+    again = truepose(*command, "--simulate", "--json", "-")
+    assert again.returncode == 0, again.stderr
+    proof = json.loads(again.stdout)["verification"]
+    assert (proof["poses"], len(proof["landings"])) == (3, 18)
+    assert proof["error_verified_mm"]["rms"] < 0.2 * proof["error_uncorrected_mm"]["rms"]
+    assert read_status(out / "campaign1").version == first
+    assert "finished verification" in truepose(*command, "--simulate").stderr

@@ -20,15 +20,17 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calib import CalibratedModel, DataError, StatedConditions, load_robot
+from calib import CalibratedModel, DataError, StatedConditions, identify, load_robot
 from calib.array import Array
 from calib.compensate import Calibrated, RepresentableModel, carried, constant_slots, poses_with
 from calib.data import read_dataset
 from calib.effects.thermal import thermal_growth
 from calib.effects.transmission import backlash
+from calib.fit import ErrorStatistics
 from calib.robot_file.serial_chain import chain_of
 from calib.robot_file.urdf import read_urdf
-from calib.saved import load_model
+from calib.saved import load_model, save_model
+from service import exports
 from service.cli import main
 from service.exports import FORMATS, ExportRequest, listed
 from tests.calib.chain import chain, shift, turn
@@ -374,3 +376,30 @@ def test_what_cannot_be_exported_leaves_no_file(
         assert main(["export", str(model), str(tmp_path / "o"), "--as", kind]) == 2
         assert what in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_model_that_no_reading_judged_takes_the_error_of_the_robot_with_the_loss_of_the_file() -> None:
+    unjudged = model_of("ur10")
+    saved = replace(unjudged, verified_rms_mm=0.05)
+    found = listed(*saved.for_use(), "m", "temperature=22")
+    assert (found.held_out_rms_mm, found.verified_rms_mm) == (None, 0.05)
+    for each in found.exports:
+        assert each.loss_mm is not None
+        assert each.left_mm == pytest.approx(math.hypot(0.05, float(each.loss_mm.rms or 0.0)))
+    one = exports.written(*saved.for_use(), "m", "dh-csv", "temperature=22", None)
+    assert any("0.050 mm of the robot at new poses" in line for line in one.about)
+    assert not any("held-out" in line for line in one.about)
+    judged = replace(saved, held_out_rms_mm=0.2)  # readings that took no part come first
+    assert all(
+        float(each.left_mm or 0.0) >= 0.2 for each in listed(*judged.for_use(), "m", "temperature=22").exports
+    )
+
+
+def test_a_loop_keeps_the_error_of_the_robot_with_its_model(tmp_path: Path) -> None:
+    found = identify(read_dataset(write_data(tmp_path, effects=(), n=40)))
+    assert found.converged
+    save_model(tmp_path / "m.json", found, verified=ErrorStatistics(12, 0.06, 0.05, 0.09, 0.1))
+    saved = load_model(tmp_path / "m.json")
+    assert (saved.held_out_rms_mm, saved.verified_rms_mm) == (None, 0.06)
+    save_model(tmp_path / "plain.json", found)
+    assert load_model(tmp_path / "plain.json").verified_rms_mm is None

@@ -70,9 +70,8 @@ class WorkStore:
         self._folder, self._book, self._workers = folder, book, workers
         self._open_devices, self._simulated = open_devices, simulated
         self._work: dict[str, LoopWork] = {}
-        self._turn = (
-            threading.Lock()
-        )  # of two clients that continue or stop what rests, one does; held for moments
+        # Of two clients that continue or stop what rests, one does. It is held for moments only.
+        self._turn = threading.Lock()
         folder.mkdir(parents=True, exist_ok=True)
         for document in readable(self.ids(), self._read):
             if State(document["state"]) not in ENDED:
