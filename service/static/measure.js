@@ -216,7 +216,7 @@ export function open(root, id, step = 3) {
 
   async function look(again = false) {
     run = await ask("GET", `/runs/${id}`);
-    if (!run.dry_run) walk({ run });
+    if (!run.dry_run && step !== 6) walk({ run });  // the run of a proof is not that of the model
     if (active(run)) watched = true;
     desks.hidden = false;
     show();

@@ -37,6 +37,7 @@ export const active = (of) => Boolean(of) && ACTIVE.includes(of.state);
 
 export function far() {
   const { plan, wish, checked, run, loop, job } = road;
+  if (active(loop) && loop.model_id !== undefined) return 5;
   if (job && job.result) return job.result.verification ? 6 : road.used ? 5 : 4;
   if (loop && active(loop)) return stageOf(loop);
   if (job) return 3;
