@@ -386,7 +386,9 @@ def verify(
     since_s
         Time on the clock of the model when `first` began, s; NaN if it is not known.
     diagnosis
-        That of the calibration, which a ballbar needs: its cups, its balls and the poses that it has measured.
+        That of the calibration of which `first` is campaign 1. A ballbar needs its cups, balls and measured poses. None
+        for an older model, which does not know how the instrument drifts: then every campaign is judged in the world
+        frame of its own nests.
 
     Raises
     ------
@@ -443,8 +445,9 @@ def verify(
             say(AGAIN)
             continue
         later_s = float(np.nan_to_num(since_s)) + second.began_s - first.began_s
+        framed = second if diagnosis is None else first
         batches.append(
-            _judged(second, first, joints, goals, saved, equipment.cell, later_s, devices, diagnosis)
+            _judged(second, framed, joints, goals, saved, equipment.cell, later_s, devices, diagnosis)
         )
         for each in individuals_of(second.record).values():
             if each.reason:
@@ -466,7 +469,7 @@ def _finished(record: Path) -> bool:
 
 
 def _goals_of(cell: Cell, begun: tuple[Array, Array | None], diagnosis: DiagnosisFit | None) -> Array:
-    """Return the poses (k, N), deg, whose correction a record drives; a record of legs has only the corrected joints."""
+    """Return the poses (k, N), deg, that a record drives corrected; of legs it has only the corrected joints."""
     joints, goals = begun
     if goals is None:
         assert diagnosis is not None
@@ -492,7 +495,7 @@ def _measured_first(
 
 def _judged(
     second: MeasuredCampaign,
-    first: MeasuredCampaign,
+    framed: MeasuredCampaign,
     joints: Array,
     goals: Array,
     saved: CalibratedModel,
@@ -505,7 +508,7 @@ def _judged(
     if cell.instrument.declared.measures_lengths:
         assert diagnosis is not None
         return judge_legs(second.record, wanted, cell, diagnosis)
-    return judge(read_landings(second.record), wanted, saved, world_of(first.record), cell, later_s, devices)
+    return judge(read_landings(second.record), wanted, saved, world_of(framed.record), cell, later_s, devices)
 
 
 def _legs_at(cell: Cell, diagnosis: DiagnosisFit | None, goals_deg: Array) -> list[list[tuple[str, str]]]:
@@ -526,8 +529,8 @@ def new_targets(
 ) -> tuple[Array, list[str]]:
     """Draw new poses whose correction can be driven.
 
-    `stated` are the conditions at which they will be measured, `diagnosis` is as in `verify`. Returns their joint angles
-    (k, N), deg, and the reasons why others were refused.
+    `stated` are the conditions at which they will be measured, `diagnosis` is as in `verify`. Returns their joint
+    angles (k, N), deg, and the reasons why others were refused.
 
     Raises
     ------

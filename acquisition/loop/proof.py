@@ -2,8 +2,8 @@
 
     campaign 1: nests and one pose -> corrected targets of new poses -> campaign 2, ... -> verification
 
-The last part is that of a closed loop (`acquisition.loop.loop.verify`). The world frame is that of the nests measured
-in campaign 1. The instrument's own errors in the readings of the model say nothing of today, and nothing of them is
+The last part is that of a closed loop (`acquisition.loop.loop.verify`). The world frame of each campaign is that of its
+own nests. The instrument's own errors in the readings of the model say nothing of today, and nothing of them is
 removed. The clock of a model that follows time began with its readings.
 """
 
@@ -242,4 +242,4 @@ def prove(
         began_utc = store.campaign["started_utc"]
     since_s = clock_of(saved, began_utc, cell.time_scale if equipment.simulated else 1.0)
     say("verification: driving corrected targets and the same uncorrected")
-    return verify(equipment, campaign, folder, saved, first, first, poses, say, since_s=since_s)
+    return verify()

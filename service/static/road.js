@@ -53,7 +53,7 @@ function sayings(at) {
     at > 1 && (road.checked || run) ? t("say_checked") : at === 1 ? t("say_check") : "",
     run && !run.dry_run ? (ask_ ? t("asksYou") : run.state === "running" || run.state === "succeeded" ? t("doneOf", { done: run.done, total: run.total }) : t(`state_${run.state}`)) : job ? t("say_uploaded") : "",
     r && errors.last !== null && errors.first !== null ? two(errors.first, errors.last) : r ? t((r.effects || []).length ? "say_cause" : "say_no_cause") : at === 3 ? t("say_diagnose") : "",
-    road.used || (at === 4 ? t("say_correct") : at === 6 ? t("say_corrected") : ""),
+    road.used || (at === 4 ? t("say_correct") : at === 6 && job && job.kind === "loop" ? t("say_corrected") : ""),
     r && r.verification ? two(r.verification.error_uncorrected_mm?.rms, r.verification.error_verified_mm.rms) : "",
   ];
 }

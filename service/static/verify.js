@@ -117,6 +117,6 @@ function poseTable(landings) {
   const rms = (rows) => (rows.length ? Math.sqrt(rows.reduce((sum, each) => sum + each.off_mm ** 2, 0) / rows.length) : null), shown = (mm) => numeric(mm === null ? "–" : number(mm));
   return table(t("everyPose"), [t("pose"), t("beforeIt"), t("withModel"), t("most"), t("u2"), t("jointsDeg")], [...new Set(landings.map((each) => each.pose))].map((pose) => {
     const rows = landings.filter((each) => each.pose === pose), after = rows.filter((each) => each.corrected);
-    return [String(pose), shown(rms(rows.filter((each) => !each.corrected))), shown(rms(after)), shown(after.length ? Math.max(...after.map((each) => each.off_mm)) : null), shown(Math.max(...rows.map((each) => each.u_mm))), rows[0].joints_deg.map((each) => number(each, 1)).join(", ")];
+    return [String(pose), shown(rms(rows.filter((each) => !each.corrected))), shown(rms(after)), shown(after.length ? Math.max(...after.map((each) => each.off_mm)) : null), shown(Math.max(...rows.map((each) => each.u_mm))), numeric(rows[0].joints_deg.map((each) => number(each, 1)).join(", "))];
   }));
 }

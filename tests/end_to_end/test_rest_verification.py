@@ -102,7 +102,7 @@ def test_a_model_is_proved_with_before_and_after(
     proof = shown["result"]["verification"]
     assert shown["runs"] == [f"{first.json()['id']}-campaign{n}" for n in (1, 2)]
     assert proof["error_verified_mm"]["n"] == proof["error_uncorrected_mm"]["n"] == 12
-    assert proof["error_verified_mm"]["rms"] < 0.2 * proof["error_uncorrected_mm"]["rms"]
+    assert proof["error_verified_mm"]["rms"] < 0.05 * proof["error_uncorrected_mm"]["rms"]
     rows = [row for row in proof["landings"] if row["corrected"]]
     assert {row["pose"] for row in rows} == {1, 2, 3, 4}
     rms = (sum(row["off_mm"] ** 2 for row in rows) / len(rows)) ** 0.5
