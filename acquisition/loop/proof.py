@@ -242,4 +242,4 @@ def prove(
         began_utc = store.campaign["started_utc"]
     since_s = clock_of(saved, began_utc, cell.time_scale if equipment.simulated else 1.0)
     say("verification: driving corrected targets and the same uncorrected")
-    return verify()
+    return verify(equipment, campaign, folder, saved, first, first, poses, say, since_s=since_s)
