@@ -155,7 +155,7 @@ export function open(root, id, step = 3) {
     for (const each of [poses, list.parentElement.parentElement, options]) each.hidden = run.dry_run;
     const inLoop = loopOf(run.id), loopOn = desk.loop && desk.loop.id === inLoop, resumable = ["paused", "stopped", "ready"].includes(run.state) && !run.dry_run && (!inLoop || loopOn);
     const finish = (kind) => button(t("finishAndDiagnose"), () => order(finishNow), { id: "finish", kind, ic: "arrow" });
-    const fits = run.done > 0 && !looking && (!inLoop || (loopOn && by === "you" && /-campaign(1|-follow-up)$/.test(run.id))), early = () => fits && button(t("finishNow"), finishEarly, { id: "finish-early" });
+    const fits = run.done > 0 && !looking && (!inLoop || (loopOn && by === "you" && subject(run).startsWith("/loops/") && /-campaign(1|-follow-up)$/.test(run.id))), early = () => fits && button(t("finishNow"), finishEarly, { id: "finish-early" });
     const found = outcome && { id: outcome.id, done: outcome.state === "succeeded" };
     const state_ = silent ? "silent" : run.prompt ? "prompt" : going ? "going" : found ? "found" : run.dry_run ? "dry" : inLoop && run.state === "succeeded" ? "loop" : looking ? "looking" : another() ? "another" : resumable ? `rests ${by}` : run.state === "succeeded" ? (diagnosing ? "diagnosing" : "succeeded") : "over";
     foot.set([state_, run.state, found && found.id, looking, fits], {
