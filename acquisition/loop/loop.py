@@ -11,7 +11,7 @@ drift continues where it was.
 The corrected targets are the joints that a diagnosis commands, if the cell can take them. A correction is valid for an
 approach from one side, and for the time and the air temperature of its measurement. If the model follows time or
 temperature, every pose is corrected just before it is driven; a pose that an interruption has caught is corrected, and
-checked, once more. Whether a pause, a crash or the end of a program interrupted it makes no difference. Angles in deg.
+checked, again. Whether a pause, a crash or the end of a program interrupted it makes no difference. Angles in deg.
 
 With a ballbar the new poses are stances of its legs (`loop.leg_verification`), and there are no follow-up poses.
 """
@@ -323,9 +323,10 @@ def measure(
 def _measured(
     equipment: Equipment, campaign: Campaign, record: Path, like: MeasuredCampaign | None, rests: int | None
 ) -> MeasuredCampaign | None:
-    """Measure as `measure` does; with `rests`, return None instead if the loop has rested since it counted so often.
+    """Measure as `measure` does, but give up targets that have become old.
 
-    The targets are then old, and the run is ended.
+    They are old if the count of rests is no longer `rests`. The run is then stopped, and None returned. With None they
+    cannot become old.
     """
     with equipment.create(record, equipment.cell, campaign, equipment.simulated) as run:
         age_s = run.age_s(equipment.clock)
@@ -480,7 +481,7 @@ def _goals_of(cell: Cell, begun: tuple[Array, Array | None], diagnosis: Diagnosi
 def _measured_first(
     equipment: Equipment, folder: Path, wanted: Array, diagnosis: DiagnosisFit | None
 ) -> Array:
-    """Return as many poses (k, N), deg: first those of finished campaigns, then others of `wanted`."""
+    """Return as many poses as `wanted`, (k, N), deg, first those of finished campaigns."""
     done: list[Array] = []
     number = 2
     while (begun := targets_of_record(record := equipment.place(folder / f"campaign{number}"))) is not None:

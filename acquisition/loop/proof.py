@@ -1,4 +1,4 @@
-"""The proof of a model that exists: new poses on the robot, driven with its corrections and without.
+"""Proof of a saved model: new poses on the robot, with its corrections and without.
 
     campaign 1: nests and one pose -> corrected targets of new poses -> campaign 2, ... -> verification
 
@@ -45,7 +45,7 @@ _USUAL_C = 20.0
 
 @dataclass(frozen=True)
 class ProofPlan:
-    """What a proof will drive, as far as it is known before anything is measured.
+    """Plan of a proof, before it has measured.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class ProofPlan:
     follows: bool
 
     def in_words(self) -> str:
-        """Say what will be driven, without a full stop."""
+        """Return the plan in words, without a full stop."""
         text = f"{self.readings} readings, corrections of {self.largest_deg:.3f} deg or mm at most"
         if self.follows:
             text += ", every pose corrected just before it is driven"
@@ -76,7 +76,9 @@ class ProofPlan:
 
 
 def usable_here(cell: Cell, saved: CalibratedModel, file: Path, *, simulated: bool) -> CalibratedModel:
-    """Return a model as this cell can prove it: with the cell's loads, without errors of the instrument.
+    """Return a model as this cell can prove it.
+
+    It has the loads of the cell, and no errors of the instrument.
 
     Raises
     ------
@@ -132,7 +134,9 @@ def usable_here(cell: Cell, saved: CalibratedModel, file: Path, *, simulated: bo
 
 
 def proof_campaign(cell: Cell, saved: CalibratedModel, seed: int = 1) -> Campaign:
-    """Return the first campaign of a proof: the nests, and one pose from the side of the corrections.
+    """Return the first campaign of a proof: the nests and one pose.
+
+    The pose is approached from the side of the corrections.
 
     It measures no other robot than that of the model, if the model names its serial number.
 
@@ -170,7 +174,7 @@ def proof_campaign(cell: Cell, saved: CalibratedModel, seed: int = 1) -> Campaig
 def plan_of_proof(
     cell: Cell, saved: CalibratedModel, poses: int, seed: int = 1, since_s: float = 0.0
 ) -> ProofPlan:
-    """Draw, correct and check everything that a proof will drive, for the usual air of the model.
+    """Draw, correct and check all poses of a proof, for the usual air of the model.
 
     Raises
     ------
@@ -198,7 +202,7 @@ def plan_of_proof(
         if np.isnan(since_s):
             raise DataError(
                 f"{error.what} It does not say when its readings began, and follows the time since.",
-                do="Calibrate this robot anew: a loop measures, corrects and verifies on one clock.",
+                do="Calibrate this robot again: a loop measures, corrects and verifies on one clock.",
             ) from error
         raise
     corrected = np.round(done.joints / cell.robot.model.joint_units, DECIMALS)
@@ -211,7 +215,10 @@ def plan_of_proof(
 
 
 def clock_of(saved: CalibratedModel, began_utc: float, time_scale: float) -> float:
-    """Return the time on the model's clock at a moment (s since 1970), s; NaN if it is not known to the minute."""
+    """Return the time on the model's clock, s, at a moment, s since 1970.
+
+    It is NaN if it is not known to the minute.
+    """
     try:
         began = datetime.strptime(saved.began or "", "%Y-%m-%d %H:%M UTC").replace(tzinfo=UTC)
     except ValueError:
@@ -222,7 +229,7 @@ def clock_of(saved: CalibratedModel, began_utc: float, time_scale: float) -> flo
 def prove(
     equipment: Equipment, saved: CalibratedModel, folder: Path, *, poses: int, seed: int, say: Say
 ) -> tuple[Targets, Verification]:
-    """Drive new poses with the corrections of a model and without, and judge where the robot lands.
+    """Drive new poses with the corrections of a model and without, and judge the landings.
 
     `saved` is that of `usable_here`. The records are in `folder`/campaign1, campaign2, ...; those that an earlier
     program has begun are continued.

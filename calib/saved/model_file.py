@@ -520,7 +520,7 @@ def _rms_of(table: Any) -> float | None:
 
 
 def _began(document: Mapping[str, Any]) -> str | None:
-    """Return when the clock of the model began; an update has other readings, whose date replaces it."""
+    """Return when the clock of the model began; None for an update, whose readings are others."""
     measured = document.get("measured")
     return None if measured is None or document.get("updates") else str(measured["began"])
 

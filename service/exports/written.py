@@ -209,9 +209,9 @@ def _read_back(kind: str, export: ExportRequest) -> ErrorStatistics:
 
 
 def _own_error(saved: CalibratedModel) -> tuple[float, str] | None:
-    """Return the RMS error that the whole model leaves, mm, and how it is known; None if it is not.
+    """Return the RMS error that the whole model leaves, mm, and its source; None if unknown.
 
-    Readings of the fit never tell it.
+    Readings of the fit are no source.
     """
     if saved.held_out_rms_mm is not None:
         return saved.held_out_rms_mm, "the model's own {:.3f} mm on held-out readings"

@@ -151,7 +151,7 @@ class Service:
         return begun
 
     def rest(self, by: str, reason: str) -> None:
-        """Pause the run, loop or proof that uses the robot: after the current reading, or between two runs."""
+        """Pause the current run, loop or proof: after its reading, or between two runs."""
         for each in (self.book,) if self.book.lent_to is None else (self.loops, self.verifications):
             each.pause_all(by, reason)
 

@@ -270,7 +270,7 @@ def test_corrected_targets_are_driven_only_with_leave(cell: Path, tmp_path: Path
 def test_targets_corrected_for_an_earlier_time_are_not_driven_later(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Where a correction follows time, a pose that an interruption has made old is corrected again."""
+    """A pose that an interruption has made old is corrected again."""
     the_cell, _ = rehearsal.write_files(tmp_path, 3, "backlash:j4", 1.0, calibration=34, validation=8)
     campaign, _ = calibration_campaign(the_cell, accuracy_mm=0.1)
     monkeypatch.setattr(loop, "follows_conditions", lambda *_: True)
@@ -297,7 +297,7 @@ def test_targets_corrected_for_an_earlier_time_are_not_driven_later(
 def test_targets_corrected_before_a_pause_are_not_driven_after_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The same in one program: a pause within a run, and a rest after a correction and before its run."""
+    """In one program: a pause within a run, and a rest between a correction and its run."""
     the_cell, _ = rehearsal.write_files(tmp_path, 3, "backlash:j4", 1.0, calibration=34, validation=8)
     campaign, _ = calibration_campaign(the_cell, accuracy_mm=0.1)
     monkeypatch.setattr(loop, "follows_conditions", lambda *_: True)

@@ -1,8 +1,8 @@
 """The proof of a model over HTTP and at the terminal, on the sockets of a simulated cell.
 
-These would catch: a motion without a lease or without a check, a model of another robot that is driven, a robot lent to
-two, and a proof that a crash loses or that measures again what it has. They would also catch a pose that was corrected
-for the air before a pause and is driven after it.
+These would catch a motion without a lease or without a check, and a driven model of another robot. They would catch a
+robot lent to two, and a proof that a crash loses or that repeats readings. They would also catch a pose that was
+corrected for the air before a pause and is driven after it.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ SCALE = 400.0
 
 
 def calibrated(folder: Path, effect: str, long: float = 1.0) -> tuple[Path, dict[str, Any]]:
-    """A cell with an effect hidden in it, and the model of its robot, measured on an earlier day."""
+    """A cell with a hidden effect, and the model of its robot, measured on an earlier day."""
     sizes = {"calibration": 34, "validation": 8, "seconds_per_reading": 7.5 * long}
     cell, campaign = rehearsal.write_files(folder, 3, effect, SCALE, **sizes)
     with stepped_cell(cell) as equipment:

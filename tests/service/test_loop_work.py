@@ -299,7 +299,7 @@ def opened(
     opening: Callable[[], None] = lambda: None,
     **files: str,
 ) -> WorkStore:
-    """The loops, or verifications, of a service that starts with these files, by the name of the loop."""
+    """The loops, or verifications, of a service that starts with these files, by name."""
     for name, text in files.items():
         folder = tmp_path / "loops" / name.replace("_", "-")
         folder.mkdir(parents=True)
@@ -450,7 +450,7 @@ def test_a_run_that_verifies_is_not_finished_early(
 def test_a_device_that_was_accepted_counts_until_a_run_has_ended_with_it(
     stage: Stage, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Also where the run that rested is given up, because its targets have become old."""
+    """The run that rested is abandoned, because its targets have become old."""
     other = DeviceAcceptance("SN-2", "the tracker was exchanged", "anna")
     resumed: list[tuple[str, DeviceAcceptance | None]] = []
 

@@ -152,10 +152,10 @@ def calibrate_command(
 def at_the_cell(
     cell: Cell, folder: Path, terminal: Terminal, motion: str, *, simulate: bool, route: str
 ) -> Iterator[Equipment]:
-    """Examine the devices of a cell, ask the person there for a motion, and yield the equipment of a loop.
+    """Examine the devices, ask the person at the cell, and yield the equipment of a loop.
 
-    `folder` is made for its records. `route` of the service does the same. Within the block a request to end is as
-    Ctrl-C where no run hears it.
+    The person is asked for `motion`. `folder` is made for its records. `route` of the service does the same. Within the
+    block a request to end is as Ctrl-C where no run hears it.
 
     Raises
     ------
@@ -216,7 +216,7 @@ def at_the_cell(
 
 @contextmanager
 def resumable(terminal: Terminal, where: str) -> Iterator[None]:
-    """Say how to go on where the block ends early; `where` names the folder if no option does.
+    """Print how to continue if the block ends early; `where` names the folder if no option does.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Execution of a closed loop, or of the proof of a model: its state, and the orders that it obeys.
+"""Execution of a closed loop or of a proof: its state, and the orders that it obeys.
 
 It obeys orders between and within its runs. It lives in one thread, which has the robot until it ends
 (`RunManager.lend`). While the loop computes, its robot is at rest, and nothing else may move it. Long

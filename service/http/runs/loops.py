@@ -49,7 +49,7 @@ RESTS = "The service ended; nothing moves. What was measured is kept. Resume to 
 
 
 class WorkStore:
-    """What drives several runs one after another, of one kind, in one record directory. Thread-safe.
+    """The loops, or the verifications, of one record directory. Thread-safe.
 
     `kind` is what clients call it, `asked` the members of its file `ASKED`. `fitted` are the ends of the names of the
     runs that a diagnosis fits; only those can be finished early.
@@ -173,7 +173,7 @@ class WorkStore:
     def _continue(
         self, name: str, cell: Cell, lease: LeaseDeadline, accepted: DeviceAcceptance | None
     ) -> bool:
-        """Execute again what rests, and return True; return False if it was continued or stopped meanwhile."""
+        """Execute a resting loop again; return False if another order came first."""
         document = self._now(name)
         if self._asked(name)["cell"] != cell.source:
             raise errors.other_cell()
@@ -330,7 +330,7 @@ class WorkStore:
 
 
 class LoopStore(WorkStore):
-    """The loops of one record directory; `datasets` keeps the readings of those that are through."""
+    """The loops of one record directory; `datasets` keeps the readings of finished ones."""
 
     def __init__(
         self,

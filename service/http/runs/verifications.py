@@ -1,4 +1,4 @@
-"""Proofs of models that exist: new poses on the robot, driven with the corrections of a model and without.
+"""Proofs of saved models: new poses on the robot, with the corrections and without.
 
 `RECORD/verifications/ID/` has `loop.json`, `asked.json`, a copy of the model and the results. The campaigns of a proof
 are runs like any others (`RECORD/runs/ID-campaign1`). A proof that was cut off is resumed as a loop is.
@@ -110,7 +110,7 @@ class VerificationStore(WorkStore):
         shutil.rmtree(self._folder / status.id, ignore_errors=True)
 
     def verified_rms_mm(self, model_id: str) -> float | None:
-        """Return the error of the robot that the last proof of a model has shown, RMS, mm; None without one."""
+        """Return the RMS error of the robot in the last proof of a model, mm; None without one."""
         for each in self.documents():  # newest first
             if each["model_id"] == model_id and each["result"] is not None:
                 return each["result"]["verification"]["error_verified_mm"]["rms"]

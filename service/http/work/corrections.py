@@ -175,7 +175,7 @@ def _value(name: str, cell: str) -> float | str:
 
 
 def _proven(model_file: Path, order: Mapping[str, Any]) -> tuple[CalibratedModel, Usable]:
-    """Return what `for_use` does, with the error that a verification has shown, if the file states none."""
+    """Return the result of `for_use`, with the error of a verification if the file has none."""
     saved, usable = for_use(model_file, order)
     if saved.verified_rms_mm is None:
         saved = replace(saved, verified_rms_mm=order["verified_rms_mm"])

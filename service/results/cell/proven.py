@@ -1,4 +1,4 @@
-"""Result of a proof: where the robot lands with the corrections of a model that exists, and without."""
+"""Result of a proof: the landings with the corrections of a model, and without."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FILES = (RESULT, MODEL, TARGETS)
 
 
 class VerificationResult(ResponseBody):
-    """What a proof has shown."""
+    """The result of a proof."""
 
     robot: Annotated[str, told("The robot file's name.", "abb-irb120")]
     simulated: Annotated[bool, told("Whether the landings are of simulators.", False)]

@@ -36,7 +36,7 @@ def create_verification(
 
     Going through it moves the robot and needs `Lease-Id`. The nests and one pose are measured; then new poses are
     driven with the corrections of the model and without, and measured. All of it is checked before the first motion.
-    Its campaigns are runs, in `runs`. If the service ends meanwhile, it is paused, and goes on when it is resumed.
+    Its campaigns are runs, in `runs`. If the service ends meanwhile, it is paused, and can be resumed.
     """
 
     def work() -> JSONResponse:
@@ -122,10 +122,11 @@ def resume_verification(
     idempotency_key: IdempotencyKey = "",
     lease_id: LeaseId = "",
 ) -> JSONResponse:
-    """Go on where it was, also after the service was started anew; the robot moves, so this needs `Lease-Id`.
+    """Continue a proof; the robot moves, so this needs `Lease-Id`.
 
-    Where the model follows time or temperature, a pose that the pause has caught is corrected and checked again. With
-    another robot or instrument than before only by its serial number, and for a reason.
+    It continues from its records after a restart of the service, in the same cell with the same devices. Where the
+    model follows time or temperature, a pose that the pause has caught is corrected and checked again. With another
+    robot or instrument than before only by its serial number, and for a reason.
     """
 
     def work() -> JSONResponse:

@@ -38,7 +38,7 @@ def get_model(here: Here, job_id: JobId) -> JSONResponse:
 
 @router.get("/results/{result_id}", operation_id="getResult", response_model=ResultShown)
 def get_result(here: Here, result_id: JobId) -> dict[str, Any]:
-    """A job of any kind, a closed loop or a verification, for whoever has its id alone; `kind` says which it is."""
+    """Return a job of any kind, a closed loop or a verification; `kind` names which."""
     kind = here.jobs.kind_of(result_id)
     if kind is not None:
         return here.jobs.document(kind, result_id)

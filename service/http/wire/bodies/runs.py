@@ -191,20 +191,20 @@ class LoopKept(ResponseBody):
 
 
 class WorkAsked(ResponseBody):
-    """The member that all files have which state what a closed loop or a verification was begun with."""
+    """The member common to the files with the arguments of a loop or verification."""
 
     cell: str
 
 
 class LoopAsked(WorkAsked):
-    """The members of that file of a closed loop."""
+    """The members of the file with the arguments of a closed loop."""
 
     campaign: str
     poses: int
 
 
 class WorkShown(LoopKept):
-    """What a closed loop and a verification have in common."""
+    """The members that a closed loop and a verification have in common."""
 
     created_utc: Created
     state_code: StateCode
@@ -236,7 +236,7 @@ class LoopShown(WorkShown):
 
 
 class VerificationOrder(ResponseBody):
-    """What a verification was asked to prove."""
+    """The arguments of a verification."""
 
     model_id: Annotated[str, told("The id of the model; empty: it was sent.", "20261121-170459-3f9a1c07b2e")]
     poses: Annotated[int, told("Number of new poses.", 10)]
@@ -244,12 +244,13 @@ class VerificationOrder(ResponseBody):
 
 
 class VerificationAsked(WorkAsked, VerificationOrder):
-    """The members of the file that states what a verification was begun with."""
+    """The members of the file with the arguments of a verification."""
 
 
 class VerificationShown(WorkShown, VerificationOrder):
-    """The proof of a model on the robot: `step` is its current step, `run` the current one of `runs`.
+    """The proof of a model on the robot.
 
+    `step` is its current step, `run` the current one of `runs`.
     `result` is present once it has finished.
     """
 
