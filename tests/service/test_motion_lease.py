@@ -30,10 +30,12 @@ from tests.service.lease_clock import LeaseClock
 from tests.service.test_http import CAMPAIGN, CELL
 from tests.service.test_http_support import Served, problem, served
 
-MOTIONS = {"createRun", "resumeRun", "createLoop", "resumeLoop", "retakeVisit"}
+MOTIONS = {"createRun", "resumeRun", "retakeVisit"}
+MOTIONS |= {f"{order}{work}" for order in ("create", "resume") for work in ("Loop", "Verification")}
 OWN_LEASE = {"takeLease", "giveLeaseBack"}
 DELETIONS = {"deleteCampaign", "deleteDataset", "deleteResult", "deleteRun"}
-NAMED_BY_IT = {"answerPrompt", "restationRun", "skipVisit", *DELETIONS}  # they move nothing by themselves
+# they move nothing by themselves
+NAMED_BY_IT = {"answerPrompt", "finishRun", "restationRun", "skipVisit", *DELETIONS}
 
 
 @pytest.fixture(scope="module")
