@@ -323,7 +323,7 @@ def measure(
 def _measured(
     equipment: Equipment, campaign: Campaign, record: Path, like: MeasuredCampaign | None, rests: int | None
 ) -> MeasuredCampaign | None:
-    """Measure as `measure` does, but give up targets that have become old.
+    """Measure as `measure` does, but abandon targets that have become old.
 
     They are old if the count of rests is no longer `rests`. The run is then stopped, and None returned. With None they
     cannot become old.

@@ -154,7 +154,7 @@ def at_the_cell(
 ) -> Iterator[Equipment]:
     """Examine the devices, ask the person at the cell, and yield the equipment of a loop.
 
-    The person is asked for `motion`. `folder` is made for its records. `route` of the service does the same. Within the
+    `motion` states the request. `folder` is made for its records. `route` of the service does the same. Within the
     block a request to end is as Ctrl-C where no run hears it.
 
     Raises
