@@ -96,7 +96,7 @@ def _loaded(point: EntryPoint) -> Any:
         ) from error
     missing = [name for name in ("KINDS", "offer") if not hasattr(entry, name)]
     if missing:
-        raise DataError(f"has no {missing[0]}.", do="See docs/extending.md.", file=place)
+        raise DataError(f"has no {missing[0]}.", do="See docs/extend/add-an-effect.md.", file=place)
     return entry
 
 

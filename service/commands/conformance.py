@@ -34,8 +34,8 @@ def conformance_command(
     """Try a driver of your own package on its simulator.
 
     The tests cover when it moves, how it stops, which answers it believes, and every fault of a connection. No
-    device is needed and none is touched. Exit code 1 if a promise does not hold. The page 'truepose docs extending'
-    lists the required parts of a package.
+    device is needed and none is touched. Exit code 1 if a promise does not hold. The page 'truepose docs
+    add-a-driver' lists the required parts of a package.
     """
     options.check_outputs({"--json": json})
     found: list[PromiseResult] = []

@@ -79,7 +79,7 @@ def bench_of(driver: str) -> Bench:
         there = f"there are {', '.join(sorted(found))}" if found else "no installed package names any"
         raise ConfigError(
             f"driver {driver!r} has no bench; {there}",
-            what_to_do=f"Name its bench under the entry point group {GROUP}: 'truepose docs extending' shows how.",
+            what_to_do=f"Name its bench under the entry point group {GROUP}: 'truepose docs add-a-driver' shows how.",
         )
     return found[driver]
 

@@ -34,7 +34,6 @@ from service.conformance.instrument import PROMISES as OF_INSTRUMENTS
 from service.conformance.robot import PROMISES as OF_ROBOTS
 from tests.conformance.truth import SCALE
 from tests.drivers.instrument_bench import BENCHES, PLACE
-from tests.end_to_end.test_extending import sections
 
 ROOT = Path(__file__).parents[2]
 
@@ -183,7 +182,7 @@ def installed(folder: Path, name: str, **modules: str) -> None:
     (about / "entry_points.txt").write_text(points, "utf-8")
 
 
-# What is wrong with the driver of docs/extending.md -> the promise that then does not hold
+# What is wrong with the driver of examples/extend -> the promise that then does not hold
 WRONGS = {
     "        self._caps.check(joints_deg)\n": "",
     "if not moving and is_there(reading, joints_deg, HOLD_DEG):": "if not moving:",
@@ -210,10 +209,10 @@ print(json.dumps({each.promise: [each.holds, each.seen] for each in found}))
 def test_a_bad_driver_of_another_package_is_seen(tmp_path: Path) -> None:
     """A bad driver of another package is detected.
 
-    It is the page's driver, which keeps every promise (tests/end_to_end/test_extending.py), spoiled in five places.
+    The driver of `examples/extend` keeps every promise (`tests/end_to_end/test_extending.py`). It is spoiled in five places.
     """
-    files = {Path(block.file): block.text for block in sections()["A driver"] if block.file.endswith(".py")}
-    modules = {path.stem: text for path, text in files.items()}
+    package = ROOT / "examples" / "extend" / "acme-driver" / "acme"
+    modules = {path.stem: path.read_text("utf-8") for path in package.glob("*.py")}
     for good, bad in WRONGS.items():
         assert modules["arm"].count(good) == 1, good
         modules["arm"] = modules["arm"].replace(good, bad)
@@ -273,4 +272,4 @@ def test_a_driver_without_a_bench(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["conformance", "abb"]) == ConfigError.exit_code
     said = capsys.readouterr().err
     assert "driver 'abb' has no bench; no installed package names any." in said
-    assert "truepose docs extending" in said
+    assert "truepose docs add-a-driver" in said

@@ -2,7 +2,7 @@
 
 `sh` and `python` blocks run; a block with `file=NAME` is written first. A `console` block holds lines that the last
 `sh` block printed, and a block with `shows=NAME` holds the first lines of a file. Blocks without a language are not
-run: they need hardware, minutes, or files of the reader. `python.md` and `extending.md` have separate tests.
+run: they need hardware, minutes, or files of the reader. `python.md` and the pages of `extend` have separate tests.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ from tests.service.campaigns import read_rows
 
 DOCS = Path(__file__).parents[2] / "docs"
 BLOCK = re.compile(r"^```(\w*)(?: (file|shows)=(\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-ELSEWHERE = {"python.md", "extending.md", "cell-pc/curl.md", "cell-pc/python.md"}
+EXTEND = {f"extend/{page.name}" for page in (DOCS / "extend").glob("*.md")}
+ELSEWHERE = {"python.md", "cell-pc/curl.md", "cell-pc/python.md", *EXTEND}
 RUN = {"first-hour.md"}
 NUMBER = re.compile(r"[+-]?\d+(?:\.\d+)?")
 

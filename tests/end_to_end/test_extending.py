@@ -1,4 +1,4 @@
-"""`docs/extending.md` is followed word by word, each section in a copy of the sources."""
+"""The pages of `docs/extend` are followed literally, each in a copy of the sources."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import NamedTuple
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PAGE = ROOT / "docs" / "extending.md"
+PAGES = sorted((ROOT / "docs" / "extend").glob("*.md"))
 PARTS = ("acquisition", "calib", "drivers", "examples", "fleet", "mocks", "service", "tests", "truepose")
 OFFLINE = ["--quiet", "--no-index", "--no-deps", "--no-build-isolation", "--target", "site"]
 
@@ -27,17 +27,14 @@ class Block(NamedTuple):
     text: str
 
 
-def sections() -> dict[str, list[Block]]:
-    """Return the code blocks of every section, by its heading.
+def steps(page: Path) -> list[Block]:
+    """Return the code blocks of a page.
 
     Blocks that are only shown belong to no file and have no command, and are left out.
     """
-    parts = re.split(r"^## (.+)$", PAGE.read_text("utf-8"), flags=re.MULTILINE)
     block = re.compile(r"^```(\w+)(?: file=(\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-    return {
-        name: [Block(*found) for found in block.findall(text) if found[0] in ("sh", "diff") or found[1]]
-        for name, text in zip(parts[1::2], parts[2::2], strict=True)
-    }
+    found = [Block(*each) for each in block.findall(page.read_text("utf-8"))]
+    return [each for each in found if each.language == "sh" or each.file]
 
 
 def added(source: str, change: str) -> str:
@@ -64,14 +61,14 @@ def arguments(line: str) -> list[str]:
     return ["-m", "pip", "install", *OFFLINE, words[3]] if words[:3] == ["-m", "pip", "install"] else words
 
 
-@pytest.mark.parametrize("name", sections())
-def test_the_page_is_right(name: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_the_page_is_right(page: Path, tmp_path: Path) -> None:
     for part in PARTS:
-        # with what is compiled, except what somebody is just writing
+        # with compiled files, except one that another process is writing
         shutil.copytree(ROOT / part, tmp_path / part, ignore=shutil.ignore_patterns("*.pyc.*"))
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
     ran = 0
-    for block in sections()[name]:
+    for block in steps(page):
         if block.language == "sh":
             for line in block.text.splitlines():
                 done = subprocess.run(
@@ -89,7 +86,9 @@ def test_the_page_is_right(name: str, tmp_path: Path) -> None:
             path.write_text(added(path.read_text("utf-8"), block.text), "utf-8")
         else:
             path = tmp_path / block.file
-            assert not path.exists()
-            path.parent.mkdir(exist_ok=True, parents=True)
-            path.write_text(block.text, "utf-8")
+            if path.exists():  # quoted from a file of the sources
+                assert block.text in path.read_text("utf-8"), f"is not in {block.file}:\n{block.text}"
+            else:
+                path.parent.mkdir(exist_ok=True, parents=True)
+                path.write_text(block.text, "utf-8")
     assert ran

@@ -1,0 +1,1 @@
+"""Driver of Acme's controllers, its simulator and its bench."""
