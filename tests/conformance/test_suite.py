@@ -209,7 +209,7 @@ print(json.dumps({each.promise: [each.holds, each.seen] for each in found}))
 def test_a_bad_driver_of_another_package_is_seen(tmp_path: Path) -> None:
     """A bad driver of another package is detected.
 
-    The driver of `examples/extend` keeps every promise (`tests/end_to_end/test_extending.py`). It is spoiled in five places.
+    The driver of `examples/extend` keeps every promise (`test_extending.py`). It is spoiled in five places.
     """
     package = ROOT / "examples" / "extend" / "acme-driver" / "acme"
     modules = {path.stem: path.read_text("utf-8") for path in package.glob("*.py")}
