@@ -21,7 +21,7 @@ POLL_S = 0.02
 
 @dataclass(frozen=True)
 class AcmeDeadlines:
-    """Longest waits of the driver, s; `margin_s` is added to the duration of a move at its speeds."""
+    """Longest waits of the driver, s; `margin_s` is added to the duration of a move."""
 
     connect_s: float = 3.0
     reply_s: float = 2.0
@@ -34,7 +34,10 @@ def framed(text: str) -> bytes:
 
 
 class AcmeArm:
-    """Driver of one controller. Methods block; `stop` may be called from any thread."""
+    """Driver of one controller. Methods block; `stop` may be called from any thread.
+
+    Every method that asks the controller fails with LinkError if the answer is missing or wrong.
+    """
 
     unverified_on_hardware = True
     can_stop = True
@@ -61,7 +64,7 @@ class AcmeArm:
         self._talking = threading.Lock()  # held for one question and its answer, so a stop waits no longer
 
     def connect(self) -> None:
-        """Open the connection and request the identity; nothing moves. Raises LinkError."""
+        """Open the connection and request the identity; nothing moves."""
         self._armed = False
         self._link.open(connect_s=self.deadlines.connect_s)
         self.identify()
@@ -72,12 +75,12 @@ class AcmeArm:
         self._link.close()
 
     def identify(self) -> Identity:
-        """Return the identity of the controller. Raises LinkError."""
+        """Return the identity of the controller."""
         serial, firmware = self._ask("ID", 2)
         return Identity("Acme", "Step", serial, firmware, "acme-line")
 
     def arm(self) -> None:
-        """Allow motion until a stop or a disconnect. Raises LinkError."""
+        """Allow motion until a stop or a disconnect."""
         self.position()
         self._stopped.clear()
         self._armed = True
@@ -87,17 +90,22 @@ class AcmeArm:
         self._armed = False
 
     def position(self) -> JointReading:
-        """Return the joint angles that were read back. Raises LinkError."""
+        """Return the joint angles that were read back."""
         return self._where()[0]
 
     def status(self) -> RobotStatus:
-        """Return the part of the status that the protocol has. Raises LinkError."""
+        """Return the part of the status that the protocol has."""
         return RobotStatus("unknown", None, None, self._where()[1])
 
     def move_to(self, joints_deg: Sequence[float]) -> JointReading:
         """Move to absolute joint angles, deg, and return the angles read back at rest.
 
-        Raises NotArmed and JointLimit before anything is sent; later LinkError, MotionStopped, NotReached.
+        Raises
+        ------
+        NotArmed, JointLimit
+            Nothing was sent.
+        LinkError, MotionStopped, NotReached
+            The arm may be anywhere on its way.
         """
         if not self._armed:
             raise NotArmed("not armed", device=self.name, command="move_to")
@@ -119,7 +127,7 @@ class AcmeArm:
             time.sleep(POLL_S)
 
     def stop(self) -> None:
-        """Stop the motion and disarm, from any thread. Raises LinkError."""
+        """Stop the motion and disarm, from any thread."""
         self._armed = False
         self._stopped.set()
         self._ask("STOP", 0)
@@ -135,7 +143,7 @@ class AcmeArm:
         return JointReading(joints, RESOLUTION_DEG), words[JOINTS] == "MOVING"
 
     def _ask(self, question: str, count: int) -> list[str]:
-        """Return the words after OK. Raises LinkError.
+        """Return the words after OK.
 
         Any fault closes the link: a late answer must not be taken for the answer to the next question.
         """
