@@ -1,8 +1,8 @@
-"""Reference bridge: MBP/1 for a tracker in one file of the standard library, to be filled in beside a vendor's SDK.
+"""Reference bridge: MBP/1 for a tracker, to be filled in with calls of a vendor's SDK.
 
-Python 3.10 or later. Replace `Still` by a class with the same methods that call the SDK, then run
-`python bridge.py [port]`.
-Everything else is the protocol and can stay: the lines and their sums, one client at a time, long commands
+It is one file that needs only the standard library of Python 3.10 or later. Replace `Still` by a class with the
+same methods that call the SDK, then run `python bridge.py [port]`.
+The rest is the protocol and can stay: the lines and their sums, one client at a time, long commands
 that ABORT can end, the client that falls silent. `docs/bridge.md` is the page that belongs to it.
 """
 
@@ -20,7 +20,7 @@ MAKER = {"vendor": "Example", "model": "Still", "serial": "0", "fw": "0", "sim":
 
 
 class Refusal(Exception):
-    """The refusal that the client gets: a code of docs/bridge.md, a sentence, and whether asking again may help."""
+    """Refusal for the client: code of docs/bridge.md, sentence, and whether a retry may help."""
 
     def __init__(self, code, text, retry=False):
         super().__init__(text)
@@ -28,7 +28,7 @@ class Refusal(Exception):
 
 
 class Still:
-    """A tracker that always holds an SMR in the same place. Units: mm, deg, degC, hPa; times in s.
+    """A tracker whose SMR is always in the same place. Units are mm, deg, degC, hPa and s.
 
     Methods may raise Refusal; any other exception becomes code 501 with its text.
     """
@@ -51,7 +51,7 @@ class Still:
         return {"type": fields["type"], "d": float(fields["d"])} if command == "TARGET" else {}
 
     def point(self, x, y, z, radius):
-        """Aim there and lock on the nearest SMR, else Refusal(310, ..., retry=True)."""
+        """Aim there and lock on the nearest SMR; raise Refusal(310, ..., retry=True) otherwise."""
         if math.dist((x, y, z), self.place) > radius:
             raise Refusal(310, "no target there", retry=True)
 
