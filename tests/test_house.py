@@ -80,7 +80,7 @@ def test_no_two_classes_of_the_program_share_a_name() -> None:
 
 @pytest.mark.parametrize("way", TOUCHED)
 def test_one_more_touches_few_files(way: str) -> None:
-    """The examples of `docs/extend`, each of which is followed by `tests/end_to_end/test_extending.py`."""
+    """Each page of `docs/extend`, which `test_extending.py` follows, changes few files."""
     pages = {page.stem: page for page in (REPO / "docs" / "extend").glob("*.md")}
     assert set(pages) == set(TOUCHED)
     files = {block.file for block in steps(pages[way]) if block.file}
