@@ -11,7 +11,7 @@ BIN := $(VENV)/bin
 # One BLAS thread: two spin against each other on a busy two-core machine (CONTRIBUTING.md).
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test suite check style types docs notebooks counterparts fuzz conformance sabotage mutants steady long bench figures clean
+.PHONY: demo test suite check style types docs notebooks pictures counterparts fuzz conformance sabotage mutants steady long bench figures clean
 .DEFAULT_GOAL := test
 
 # The stamp lives inside the environment, so deleting the environment deletes the stamp.
@@ -45,6 +45,10 @@ docs: $(VENV)/.installed
 # measured UR10, where TRUEPOSE_UR10 names the folder of its readings.
 notebooks: $(VENV)/.installed
 	$(BIN)/python -m tests.notebooks
+
+# The pictures of docs/pictures taken anew, of today's report and operator page; three minutes, and Chromium.
+pictures: $(VENV)/.installed
+	$(BIN)/python -m tests.pictures
 
 # Programs that nobody here wrote, for the tests to talk to; where one cannot be installed its tests skip.
 counterparts: $(VENV)/.installed
