@@ -1,1 +1,1 @@
-"""What the site of the documentation needs beside Sphinx."""
+"""Additions to Sphinx for the site of the documentation."""

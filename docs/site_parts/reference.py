@@ -1,4 +1,4 @@
-"""Pages of the reference that are made from the program: commands, keys of files, HTTP, effects."""
+"""Pages of the reference, generated from the program: commands, keys of files, HTTP, effects."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def write(folder: Path) -> None:
 
 
 def commands() -> Iterator[str]:
-    """Every command as `--help` shows it."""
+    """Yield the help of every command, as `--help` prints it."""
     yield "# Commands"
     yield "Every command says the same with `--help`. Exit codes: 0 done, 1 failed, 2 cannot be used as it was given,"
     yield "3 done, but the accuracy asked for was not met, 4 operator or device not available, 5 refused for safety,"
@@ -64,7 +64,7 @@ def keys() -> Iterator[str]:
 
 
 def effects() -> Iterator[str]:
-    """The kinds of effects of the library, with what a technician checks and what distinguishes them from others."""
+    """Yield the effects of the library, with the check of a technician and the difference from other effects."""
     yield "# Effects"
     yield "The effects that the diagnosis searches for. The first word of a label is the effect: `backlash:j4` is the"
     yield "backlash of joint 4. [The theory](../theory.md#diagnosis) explains the search."
@@ -78,7 +78,7 @@ def effects() -> Iterator[str]:
 
 
 def http() -> Iterator[str]:
-    """Every route and every body, from the OpenAPI document that the service serves under /openapi.json."""
+    """Yield every route and body of `/openapi.json`."""
     document = create_app(ServiceSettings(record=Path(), tokens=Tokens("", ""))).openapi()
     yield "# HTTP"
     yield document["info"]["description"]

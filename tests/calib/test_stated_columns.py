@@ -65,7 +65,9 @@ def test_exchanged_columns_are_exchanged(tmp_path: Path) -> None:
     names = [*HEAD[:6], "Y [mm]", "X [mm]", "Z [mm]"]
     file = table(tmp_path, names)
     stated = proposal(file, "column.Y [mm]=x", "column.X [mm]=y")
-    assert converted(stated.made, [file], "map.toml", tmp_path).fit.miss < 1.0  # ty: ignore[unresolved-attribute]
+    fit = converted(stated.made, [file], "map.toml", tmp_path).fit
+    assert fit is not None
+    assert fit.miss < 1.0
 
 
 @pytest.mark.parametrize(

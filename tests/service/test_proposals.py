@@ -211,7 +211,8 @@ def test_two_at_once_are_both_answered_and_other_requests_meanwhile(
     client: TestClient, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Both are held until the service has answered another request."""
-    service: Service = client.app.state.service  # ty: ignore[unresolved-attribute]
+    app: Any = client.app
+    service: Service = app.state.service
     both, released, call = threading.Barrier(3, timeout=60.0), threading.Event(), service.file_readers.call
 
     def held(*given: Any) -> Any:

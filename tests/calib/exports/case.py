@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from calib import forward, load_robot
@@ -123,8 +123,11 @@ def num(value: float, decimals: int = 4, comma: bool = False, thousands: str = "
     return "".join(marks.get(c, c) for c in text)
 
 
-def grid(*parts: NDArray[Any], decimals: int = 6) -> list[list[str]]:
-    return [[f"{value:.{decimals}f}" for value in row] for row in np.column_stack(parts)]
+def grid(*parts: ArrayLike, decimals: int = 6) -> list[list[str]]:
+    return [
+        [f"{value:.{decimals}f}" for value in row]
+        for row in np.column_stack([np.asarray(part) for part in parts])
+    ]
 
 
 def named(names: Sequence[str], rows: Sequence[Sequence[str]], separator: str = ";") -> list[str]:
