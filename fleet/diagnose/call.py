@@ -74,7 +74,7 @@ def diagnose_all(
     if scheduler and exposed(scheduler):
         tell(
             f"the way to {scheduler} is open: whoever reaches the scheduler has programs run on its workers, and on "
-            "this computer; use tls://, or a network of its own (truepose docs fleet-engine)"
+            "this computer; use tls://, or a network of its own (truepose docs fleet)"
         )
     spent = time.process_time()
     FleetStore.open(order.store).close()  # tables are made before workers come to them together

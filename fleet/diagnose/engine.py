@@ -113,7 +113,7 @@ def _security(address: str) -> Security:
     if address.startswith("tls://") and not usable:
         raise DataError(
             "needs certificates.",
-            do=f"Name them in {_TLS}CA_FILE, {_TLS}CLIENT__CERT and {_TLS}CLIENT__KEY (truepose docs fleet-engine).",
+            do=f"Name them in {_TLS}CA_FILE, {_TLS}CLIENT__CERT and {_TLS}CLIENT__KEY (truepose docs fleet).",
             file=address,
         )
     return security

@@ -1,7 +1,7 @@
 """Benchmark of lost or repeated work while worker, scheduler and database are killed.
 
 It diagnoses thousands of data sets, once with an SQLite file and once with a PostgreSQL, which is also stopped and
-started. Processes are real as in docs/fleet-engine.md, with TLS and the store's data sets. One data set in a
+started. Processes are real as in docs/howto/fleet.md, with TLS and the store's data sets. One data set in a
 hundred is diagnosed (40 readings, one effect). The others hold no reading and are refused when they are read: this
 is a job like any other for scheduler, claims and store. Every statement of a worker is also noted outside the
 store, so that work done twice is detected.

@@ -75,7 +75,7 @@ def test_the_rehearsed_campaign(
 
 
 def run_blocks(page: str, capsys: pytest.CaptureFixture[str]) -> int:
-    """Write the files of a page, run its commands and compare what they print; return how many `console` blocks it has."""
+    """Write the files of a page, run its commands, compare what they print; return the number of `console` blocks."""
     printed, shown = "", 0
     for language, use, name, text in blocks(DOCS / page):
         if use == "file":

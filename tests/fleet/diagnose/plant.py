@@ -1,6 +1,6 @@
 """Schedulers and workers of a plant as separate programs.
 
-They have certificates as in docs/fleet-engine.md.
+They have certificates as in docs/howto/fleet.md.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def process(*words: str, environment: dict[str, str] | None = None) -> Iterator[
 
 
 def as_in_the_manual(what: str, files: dict[str, Path], *words: str) -> list[str]:
-    """`dask scheduler` or `dask worker` with the options of docs/fleet-engine.md."""
+    """`dask scheduler` or `dask worker` with the options of docs/howto/fleet.md."""
     tls = [f"--tls-ca-file={files['ca']}", f"--tls-cert={files['cert']}", f"--tls-key={files['key']}"]
     return ["dask", what, *words, "--host", "127.0.0.1", "--no-dashboard", *tls]
 
