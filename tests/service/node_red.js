@@ -1,5 +1,5 @@
 "use strict";
-// Runs a Node-RED flow of inject, function, http request and debug nodes, as far as docs/cell-pc/node-red.md needs it.
+// Runs a Node-RED flow of inject, function, http request and debug nodes, as far as examples/cell-pc/flow.json needs it.
 // node node_red.js FLOW.json CAMPAIGN.json: starts it, beats once, prints what debug nodes get; ends with the result.
 const fs = require("fs");
 const nodes = JSON.parse(fs.readFileSync(process.argv[2], "utf8"));

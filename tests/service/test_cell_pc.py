@@ -54,11 +54,13 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
 
 
 def taken_from(page: str, folder: Path) -> Path:
-    """The program of a page, in a folder with a campaign as TOML and as JSON."""
-    language, name, text = re.findall(
-        r"```(\w+) file=(\S+)\n(.*?)```", (PAGES / page).read_text("utf-8"), re.DOTALL
-    )[0]
-    assert language
+    """The program of a page, or of examples/cell-pc, in a folder with a campaign as TOML and as JSON."""
+    if page.endswith(".md"):
+        (name, text), *_ = re.findall(
+            r"```\w+ file=(\S+)\n(.*?)```", (PAGES / page).read_text("utf-8"), re.DOTALL
+        )
+    else:
+        name, text = page, (ROOT / "examples" / "cell-pc" / page).read_text("utf-8")
     (folder / "campaign.toml").write_text(CAMPAIGN, "utf-8")
     (folder / "campaign.json").write_text(json.dumps(tomllib.loads(CAMPAIGN)), "utf-8")
     (folder / name).write_text(text, "utf-8")
@@ -100,7 +102,7 @@ def test_the_curl_page_runs_a_campaign(service: Served, tmp_path: Path) -> None:
 @pytest.mark.skipif(node is None, reason="needs node")
 def test_the_flow_runs_a_campaign(service: Served, tmp_path: Path) -> None:
     assert node is not None
-    flow = taken_from("node-red.md", tmp_path)
+    flow = taken_from("flow.json", tmp_path)
     told = run([node, ROOT / "tests" / "service" / "node_red.js", flow, "campaign.json"], tmp_path, service)
     assert json.loads(told.splitlines()[-1].removeprefix("result: ")).keys() == {"verdict", "accepted"}
     until(lambda: service.client.get("/cell").json()["lease"] is None)
@@ -112,7 +114,7 @@ def test_the_flow_says_where_the_robot_did_not_hear_a_stop(
     tmp_path: Path, status: int | str, problems: int
 ) -> None:
     assert node is not None
-    nodes = json.loads(taken_from("node-red.md", tmp_path).read_text("utf-8"))
+    nodes = json.loads(taken_from("flow.json", tmp_path).read_text("utf-8"))
     (heard,) = [each["func"] for each in nodes if each["id"] == "halt_c"]
     message = {"statusCode": status, "payload": {"problems": [{"message": "not reachable"}] * problems}}
     script = f"const node = {{ error: console.log }}; (msg => {{ {heard} }})({json.dumps(message)});"
@@ -150,8 +152,8 @@ def compiled(program: Path) -> list[str | Path]:
     return [dotnet, "run", "--"]
 
 
-def test_the_csharp_page_runs_a_campaign(service: Served, tmp_path: Path) -> None:
-    program = taken_from("csharp.md", tmp_path)
+def test_the_csharp_program_runs_a_campaign(service: Served, tmp_path: Path) -> None:
+    program = taken_from("Program.cs", tmp_path)
     told = run([*compiled(program), "campaign.json"], tmp_path, service)
     assert "succeeded: 30 of 30" in told
     assert re.search(r"(?m)^\w+, (accepted|rejected|not_decided)$", told)

@@ -18,7 +18,7 @@ def test_pages_are_listed_and_shown(capsys: pytest.CaptureFixture[str]) -> None:
     assert "howto/tracker" in said
     for name in ("tracker", "howto/tracker"):
         assert main(["docs", name]) == 0
-        assert "Calibrate with a laser tracker" in capsys.readouterr().out
+        assert "Calibrate with a tracker or a C-Track" in capsys.readouterr().out
 
 
 def test_a_page_that_is_not_there_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
