@@ -448,8 +448,8 @@ def _ending(sight: Sight, judged: Accuracy, pose_s: float, known_mm: float) -> s
     block = sight.block
     if judged.reached:
         return (
-            f"The accuracy is reached: the RMS error is below {judged.bound_mm:.3f} mm with 95 % confidence, "
-            f"{block.accuracy_mm:g} mm were wanted."
+            f"The accuracy is reached: the RMS error is below {judged.bound_mm:.3f} mm with 95 % confidence; "
+            f"required: {block.accuracy_mm:g} mm."
         )
     if block.minutes is not None and sight.elapsed_s + BATCH * pose_s > 60.0 * block.minutes:
         return f"The time is up: {block.minutes:g} minutes were given."

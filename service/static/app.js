@@ -12,7 +12,7 @@ import * as measure from "./measure.js";
 import { closeAll } from "./menu.js";
 import * as prepare from "./prepare.js";
 import * as report from "./report.js";
-import { STEPS, active, afresh, loopOf, road, showRail, walk } from "./road.js";
+import { STEPS, active, afresh, loopOf, ofProof, road, showRail, walk } from "./road.js";
 import * as robot from "./robot.js";
 import * as robots from "./robots.js";
 import { moment, sign, state } from "./units.js";
@@ -83,7 +83,7 @@ function frame() {
   showControl();
   if (cell && !road.run && !road.job && (busy || loop) && !(busy && busy.dry_run)) walk({ run: busy, loop });
   if (loop && road.run && loopOf(road.run.id) === loop.id) road.loop = loop;
-  if (busy && road.run && (busy.id === road.run.id || (loop && loopOf(road.run.id) === loop.id))) road.run = busy;
+  if (busy && road.run && !ofProof(busy, loop) && (busy.id === road.run.id || (loop && loopOf(road.run.id) === loop.id))) road.run = busy;
   showRail(named);
   if (!cell) return;
   const here = STEPS.includes(named) ? t(`view_of_${named}`) : t(`view_of_${{ robot: "robots", watch: "robots" }[named] || named}`), asks = busy && busy.prompt;

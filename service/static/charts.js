@@ -25,8 +25,15 @@ function whiskers(u, points) {
   u.ctx.restore();
 }
 
+// The ends of the axis of x: with room beside the points, or from `from` where there is one, which a lone point needs to be read.
+export function spread(xs, { time, from } = {}) {
+  if (!xs.length) return [from ?? 0, (from ?? 0) + 1];
+  const first = Math.min(...xs), last = Math.max(...xs), start = Math.min(from ?? first, first), side = 0.03 * (last - start) || (time ? 60 : 1);
+  return [from === undefined ? first - side : start, last + side];
+}
+
 // A figure with `set(spec)`: {series: [{name, points: [{x, y, u, id, tip}], kind: line | dash | steps | dots | squares, colour}], limit: {y, words},
-// x: {time}, y: {from}, chosen, says}. `pick(id)`: a point was clicked; `bare`: without the axis of x.
+// x: {time, from}, y: {from}, chosen, says}. `pick(id)`: a point was clicked; `bare`: without the axis of x.
 export function chart(name, { pick = null, height = 210, className = "", bare = false } = {}) {
   const place = h("div", { className: "chart", role: "img", ariaLabel: name }), tip = h("div", { className: "tip", hidden: true }), key = h("ul", { className: "key" }), figure = h("figure", { className: `plot ${className}` }, key, h("div", { className: "stage" }, place, tip));
   let spec = { series: [] }, plot = null;
@@ -40,12 +47,11 @@ export function chart(name, { pick = null, height = 210, className = "", bare = 
     const tables = series.map((each) => [each.points.map((p) => p.x), each.points.map((p) => p.y)]);
     const data = tables.length > 1 ? uPlot.join(tables) : tables[0] || [[], []];
     const tops = all.flatMap((p) => [p.y - (p.u || 0), p.y + (p.u || 0)]).concat(limit ? [limit.y] : []), high = Math.max(...tops, y.from === 0 ? 0.01 : -Infinity), low = y.from === 0 ? 0 : Math.min(...tops), room = 0.08 * (high - low || Math.abs(high) || 1);
-    const xs = all.map((p) => p.x), [first, last] = xs.length ? [Math.min(...xs), Math.max(...xs)] : [0, 1], side = 0.03 * (last - first) || (x.time ? 60 : 1);
     const axis = { stroke: ink, font: FONT, grid: { stroke: rule, width: 1 }, ticks: { stroke: rule } };
     plot = new uPlot({
       width, height, legend: { show: false }, padding: [12, 12, 0, 0],
       cursor: { y: false, drag: { x: false, y: false }, points: { show: false } },
-      scales: { x: { time: Boolean(x.time), range: [first - side, last + side] }, y: { range: tops.length ? [y.from === 0 ? 0 : low - room, high + room] : [0, 1] } },
+      scales: { x: { time: Boolean(x.time), range: spread(all.map((p) => p.x), x) }, y: { range: tops.length ? [y.from === 0 ? 0 : low - room, high + room] : [0, 1] } },
       axes: [{ ...axis, show: !bare, size: 32, space: 70, ...(x.time ? { values: x.time } : {}) }, { ...axis, size: 58, space: 38 }],
       series: [{}, ...series.map(({ kind = "line", colour = "before" }) => {
         const stroke = token(colour), points = { show: kind === "dots" || kind === "line", size: kind === "line" ? 4 : 7, fill: stroke, stroke };

@@ -5,7 +5,7 @@ import { ask, key, reckoned, save } from "./connection.js";
 import { desk, looksOn, order } from "./desk.js";
 import { button, card, fill, fold, footBar, h, head, noteBox, numeric, table } from "./dom.js";
 import { withU } from "./history.js";
-import { errorTable, errorsOf, ladder } from "./ladder.js";
+import { causesKnown, errorTable, judged, ladder } from "./ladder.js";
 import { control, openControl } from "./lease.js";
 import { deletion, menu } from "./menu.js";
 import { active, addressOf, findRun, road, stageOf, walk } from "./road.js";
@@ -87,10 +87,10 @@ export function open(root, id) {
   }
 
   function findings() {
-    const r = job.result, { first, last } = errorsOf({ ...job, result: { ...r, verification: null } }), causes = (r.effects || []).filter((each) => !each.imitates), imitated = (r.effects || []).filter((each) => each.imitates), carried = (r.carried || []).filter((each) => each.confirmed);
+    const r = job.result, { by, poses, first, last } = judged(job), known = causesKnown(r), causes = (r.effects || []).filter((each) => !each.imitates), imitated = (r.effects || []).filter((each) => each.imitates), carried = (r.carried || []).filter((each) => each.confirmed);
     const remarks = [...(r.warnings || []), ...(r.notes || [])], next = (r.follow_up || []).filter((each) => each.campaign);
-    const answer = h("section", { className: "card answer-card" }, first !== null ? headline(first, last, t("ladderHint")) : null, acceptance(r.acceptance), ladder({ ...job, result: { ...r, verification: null } }), r.finding ? h("p", { id: "finding" }, r.finding) : null);
-    const cause = !r.effects ? null : card(causes.length ? t("effects") : imitated.length ? t("imitatedBy") : t("noEffects"), causes.length || imitated.length ? [...causes, ...imitated].map(effect) : h("p", {}, t("noEffectsHint")), carried.length ? [h("h3", {}, t("carriedTerms")), h("ul", { className: "plain" }, carried.map((each) => h("li", {}, each.finding)))] : null);
+    const answer = h("section", { className: "card answer-card" }, first !== null ? headline(first, last, poses ? t("judgedOnRobot", { n: poses }) : t("ladderHint")) : null, acceptance(r.acceptance), ladder(by), r.finding ? h("p", { id: "finding" }, r.finding) : null);
+    const cause = !r.effects ? null : card(causes.length ? t("effects") : imitated.length ? t("imitatedBy") : t(known ? "noEffects" : "notKnown"), causes.length || imitated.length ? [...causes, ...imitated].map(effect) : h("p", {}, t(known ? "noEffectsHint" : "notKnownHint")), carried.length ? [h("h3", {}, t("carriedTerms")), h("ul", { className: "plain" }, carried.map((each) => h("li", {}, each.finding)))] : null);
     const todo = (r.next_measurements || []).length || next.length ? card(t("whatNext"), (r.next_measurements || []).length ? h("ol", { className: "plain" }, r.next_measurements.map((each) => h("li", {}, each))) : null,
       next.length && !looksOn() ? [h("p", {}, t("followUpHint")), next.map((each) => button(t("keepCampaign"), () => order(async () => {
         const kept = await ask("POST", "/campaigns", { campaign: each.campaign, name: `follow-up of ${id}` }, key());
@@ -112,7 +112,7 @@ export function open(root, id) {
     const both = () => {
       const most = Math.max(...found.arrows.map((each) => length(each[which]))), enlarged = 10 ** Math.round(Math.log10(90 / most));
       picture.show({ ...scene, arrows: found.arrows.map((each) => ({ at: each.at_mm, by: each[which] })), enlarged, after: which === "model_mm",
-        says: t("arrowScale", { n: found.arrows.length, times: enlarged, mm: number(most) }), described: t(which === "nominal_mm" ? "arrowsBefore" : "arrowsAfter", { mm: number(most) }) });
+        says: t(found.held_out ? "arrowScale" : "arrowScaleFitted", { n: found.arrows.length, times: enlarged, mm: number(most) }), described: t(which === "nominal_mm" ? "arrowsBefore" : "arrowsAfter", { mm: number(most) }) });
       picture.dataset.arrows = String(found.arrows.length);
     };
     const choice = (value, words) => h("label", { className: "check" }, h("input", { type: "radio", name: "which", value, checked: value === which, on: { change: () => { which = value; both(); } } }), words);

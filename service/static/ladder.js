@@ -18,6 +18,16 @@ export function errorsOf(job) {
   return { first: held.length ? held[0][1].rms : null, last: held.length ? held.at(-1)[1].rms : null };
 }
 
+// What a diagnosis is judged by: readings held out, or else the errors that the robot has shown where the loop verified it.
+export function judged(job) {
+  const r = job.result || {}, v = r.verification, held = { ...job, result: { ...r, verification: null } };
+  const onRobot = !rungs(held).length && v && v.error_uncorrected_mm, by = onRobot ? job : held;
+  return { by, poses: onRobot ? v.poses : 0, ...errorsOf(by) };
+}
+
+// Whether the verdict leaves no error without a cause.
+export const causesKnown = (result) => !["unexplained", "excess_noise"].includes(result.verdict);
+
 const KINDS = ["before", "between", "after"];
 
 export function ladder(job) {

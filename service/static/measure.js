@@ -120,7 +120,7 @@ export function open(root, id, step = 3) {
     fill(live, a, () => [h("p", { className: "live" }, a.bound_mm === null || a.bound_mm === undefined ? "–" : number(a.bound_mm, 3), h("small", {}, " mm")), h("p", { className: "sub" }, a.bound_mm ? t("boundOf", { n: a.poses, mm: number(a.wanted_mm, 2) }) : t("tooFew")),
       h("p", { id: "interim" }, h("strong", {}, `${t("interim")} `), a.verdict ? t(`verdict_${a.verdict}`) : t("notYet")), a.rms_mm ? h("p", { className: "sub" }, t("rmsSoFar", { mm: number(a.rms_mm) })) : null]);
     const point = (key) => (a.history || []).filter((each) => typeof each[key] === "number").map((each) => ({ x: each.poses, y: each[key], tip: t("atPoses", { n: each.poses, mm: number(each[key]) }) }));
-    curve.set({ y: { from: 0 }, says: t("accuracyDescribed", { mm: number(a.bound_mm), n: a.poses }), limit: { y: a.wanted_mm, words: t("wantedLimit", { mm: number(a.wanted_mm, 2) }) }, series: [{ name: t("boundSeries"), colour: "after", points: point("bound_mm") }, { name: t("rmsSeries"), kind: "dots", colour: "before", points: point("rms_mm") }] });
+    curve.set({ x: { from: 0 }, y: { from: 0 }, says: t("accuracyDescribed", { mm: number(a.bound_mm), n: a.poses }), limit: { y: a.wanted_mm, words: t("wantedLimit", { mm: number(a.wanted_mm, 2) }) }, series: [{ name: t("boundSeries"), colour: "after", points: point("bound_mm") }, { name: t("rmsSeries"), kind: "dots", colour: "before", points: point("rms_mm") }] });
   }
 
   function show() {
@@ -137,7 +137,7 @@ export function open(root, id, step = 3) {
       if (run.state === "failed") return noteBox("stop", "alert", t("title_failed"), reason);
       if (run.state === "paused") return noteBox("ask", run.error ? "alert" : "pause", t("pausedNow", { n: run.done }), reason);
       if (run.finished_early) return noteBox("info", "info", t("finishedEarlyNow", { by: run.finished_early.by, n: run.finished_early.measured, total: run.finished_early.total }), run.finished_early.reason ? h("p", {}, run.finished_early.reason) : null);
-      if (a && a.reached) return noteBox("good", "target", t("reachedNow", { mm: number(a.bound_mm), wanted: number(a.wanted_mm, 2) }), h("p", {}, a.verdict ? `${t("interim")} ${t(`verdict_${a.verdict}`)}. ` : "", a.reason || ""));
+      if (a && a.reached) return noteBox("good", "target", t("reachedNow", { mm: number(a.bound_mm), required: number(a.wanted_mm, 2) }), h("p", {}, a.verdict ? `${t("interim")} ${t(`verdict_${a.verdict}`)}. ` : "", a.reason || ""));
       return a && a.reason ? noteBox("info", "info", a.reason) : [];
     });
     const posed = plan ? posesOf(plan) : [], visited = posed.filter((visits) => visits.some((visit) => visit.readings.some((each) => each.status === "measured"))).length;

@@ -3,7 +3,7 @@
 import { ask } from "./connection.js";
 import { fill, h, icon, $ } from "./dom.js";
 import { number } from "./units.js";
-import { errorsOf } from "./ladder.js";
+import { causesKnown, errorsOf } from "./ladder.js";
 import { t } from "./words.js";
 
 export const STEPS = ["prepare", "check", "measure", "diagnose", "correct", "verify"];
@@ -15,7 +15,8 @@ export const road = { ...NEW };
 export const afresh = () => Object.assign(road, NEW);
 
 // Walks along with what a view shows: another run or result than before leads to another road.
-export function walk(seen) {
+export function walk({ ...seen }) {
+  if (seen.run && ofProof(seen.run, seen.loop)) delete seen.run;
   if (seen.run && road.run && seen.run.id !== road.run.id && !sameLoop(seen.run.id, road.run.id)) Object.assign(road, { run: null, loop: null, job: null });
   if (seen.job && road.job && seen.job.id !== road.job.id) Object.assign(road, { run: null, loop: null });
   Object.assign(road, seen);
@@ -23,6 +24,8 @@ export function walk(seen) {
 
 // A run of a loop has the loop's id before its own.
 export const loopOf = (run) => (run.split("-").length > 3 ? run.split("-").slice(0, 3).join("-") : "");
+// The run of a proof is no measuring run: its readings are not those of step 3.
+export const ofProof = (run, loop) => /-campaign2$/.test(run.id) || Boolean(loop && loop.model_id !== undefined && loopOf(run.id) === loop.id);
 const sameLoop = (a, b) => Boolean(loopOf(a)) && loopOf(a) === loopOf(b);
 
 // The step that a loop is at, by its own words; a verification is the last.
@@ -52,7 +55,7 @@ function sayings(at) {
     wish ? `${number(wish.accuracy_mm, 2)} mm` : plan ? plan.name || t("fixedPlan") : at === 0 ? t("say_prepare") : "",
     at > 1 && (road.checked || run) ? t("say_checked") : at === 1 ? t("say_check") : "",
     run && !run.dry_run ? (ask_ ? t("asksYou") : run.state === "running" || run.state === "succeeded" ? t("doneOf", { done: run.done, total: run.total }) : t(`state_${run.state}`)) : job ? t("say_uploaded") : "",
-    r && errors.last !== null && errors.first !== null ? two(errors.first, errors.last) : r ? t((r.effects || []).length ? "say_cause" : "say_no_cause") : at === 3 ? t("say_diagnose") : "",
+    r && errors.last !== null && errors.first !== null ? two(errors.first, errors.last) : r ? t(!causesKnown(r) ? "say_not_known" : (r.effects || []).length ? "say_cause" : "say_no_cause") : at === 3 ? t("say_diagnose") : "",
     road.used || (at === 4 ? t("say_correct") : at === 6 && job && job.kind === "loop" ? t("say_corrected") : ""),
     r && r.verification ? two(r.verification.error_uncorrected_mm?.rms, r.verification.error_verified_mm.rms) : "",
   ];
@@ -76,7 +79,7 @@ export function showRail(view) {
 
 // The run behind a result, and its plan's name, for a page that was opened at the result.
 export async function findRun(job) {
-  if (road.run || !job) return;
+  if (!job || road.job !== job || (road.run && !active(road.run))) return;
   const { run_id: id } = job.kind === "loop" ? { run_id: (job.runs || [])[0] } : job.dataset_id ? await ask("GET", `/datasets/${job.dataset_id}`).catch(() => ({})) : {};
-  if (id && road.job === job && !road.run) road.run = await ask("GET", `/runs/${id}`).catch(() => null);
+  if (id && road.job === job) road.run = await ask("GET", `/runs/${id}`).catch(() => null);
 }

@@ -65,7 +65,7 @@ def answerable(page: Page) -> bool:
 
 def take_control(page: Page, name: str) -> None:
     """Take control of the robot in the strip, which nobody has."""
-    until(lambda: page.text("#holder") == "Nobody is in control")
+    until(lambda: page.text("#holder") == "No one is in control")
     page.click("#control")
     page.value("document.querySelector('#name').focus()")
     page.type(name)

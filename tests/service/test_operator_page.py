@@ -253,7 +253,7 @@ def test_a_wrong_token_opens_nothing_and_that_of_a_viewer_no_more_than_it_may(
         page.press("Enter")
         until(lambda: page.value("!document.querySelector('#viewer').hidden"))
         page.value("location.hash = '#/cell'")
-        until(lambda: page.text("#holder") == "Nobody is in control")
+        until(lambda: page.text("#holder") == "No one is in control")
         until(lambda: "Only an operator can start" in page.text("#next"))
         page.click("#control")
         assert not page.value(

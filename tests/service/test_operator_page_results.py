@@ -18,8 +18,8 @@ from tests.service.test_http_support import Served, problem, served
 REPORT = "<!doctype html><title>of the test</title>"
 
 
-def kept_job(record: Path, dataset: str, own: str) -> None:
-    """A diagnosis that has succeeded, as the service keeps it."""
+def kept_job(record: Path, dataset: str, own: str, **files: object) -> None:
+    """A diagnosis that has succeeded, as the service keeps it; `files` are JSON files by their names."""
     folder = record / "diagnoses" / own
     folder.mkdir(parents=True)
     job = {"id": own, "kind": "diagnosis", "dataset_id": dataset, "created_utc": "2026-11-20T14:32:00Z"}
@@ -28,8 +28,16 @@ def kept_job(record: Path, dataset: str, own: str) -> None:
         ("model.json", "{}"),
         ("report.html", REPORT),
         ("result.json", '{"converged": true}'),
+        *((f"{each}.json", json.dumps(content)) for each, content in files.items()),
     ):
         (folder / name).write_text(text, encoding="utf-8")
+
+
+def unjudged(verdict: str) -> dict[str, object]:
+    """A result without readings held out and without effects, of a robot that was verified."""
+    errors = {"n": 52, "mean": 0.4, "rms": 0.5, "p95": 0.8, "max": 1.0}
+    proof = {"poses": 13, "error_uncorrected_mm": errors, "error_verified_mm": {**errors, "rms": 0.05}}
+    return {"converged": True, "verdict": verdict, "effects": [], "finding": "F.", "verification": proof}
 
 
 def choose(page: Page, place: str, text: str) -> None:
@@ -118,6 +126,36 @@ def test_what_a_run_gave_is_one_click_away(tmp_path: Path) -> None:
             "[...document.querySelectorAll('#datasets li > .row > .btn')].some((b) => b.checkVisibility())"
         )
         assert not page.value("[...document.querySelectorAll('.menu .bad')].length")
+
+
+@in_a_browser
+def test_a_result_tells_one_truth_of_what_judged_it(tmp_path: Path) -> None:
+    """Readings of the calibration are not shown as held out, and an error without a cause is not called explained."""
+    record, arrow = tmp_path / "record", {"reading": "1", "at_mm": [500, 0, 500], "nominal_mm": [1, 0, 0]}
+    arrows = {"format": "truepose-arrows/1", "readings": 1, "arrows": [{**arrow, "model_mm": [0.1, 0, 0]}]}
+    for own, verdict, held_out in (("noisy-1", "excess_noise", False), ("clear-1", "complete", True)):
+        kept_job(record, "none", own, result=unjudged(verdict), arrows={**arrows, "held_out": held_out})
+    with (
+        served(record, "--cell", str(cell_file(tmp_path, time_scale=40.0)), "--simulate") as service,
+        browser(f"{service.url}/", tmp_path / "browser") as page,
+    ):
+        enter(page)
+        for own, cause, rows in (
+            ("noisy-1", "Cause not known", "1 readings of the calibration"),
+            ("clear-1", "No further cause", "1 readings that took no part"),
+        ):
+            page.value(f"location.hash = '#/diagnose/{own}'")
+            until(lambda cause=cause: cause in page.text("#desk"))
+            until(lambda rows=rows: rows in page.text("#desk"))
+            shown = page.text("#desk")
+            assert ("A standard calibration explains" in shown) == (own == "clear-1")
+            assert page.text(".was") == "0.50"
+            assert page.text(".now") == "0.05"
+            assert "measured on the robot, at 13 new poses" in shown
+            assert cause in page.text("#steps [data-name=diagnose]")
+            gap = "parseFloat(getComputedStyle(document.querySelector('fieldset.row')).columnGap)"
+            inner = "parseFloat(getComputedStyle(document.querySelector('fieldset.row .check')).columnGap)"
+            assert page.value(f"{gap} > {inner}")  # a button belongs to the word beside it
 
 
 def lists_its_own_only(service: Served, dataset: str) -> list[str]:

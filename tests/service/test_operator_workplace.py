@@ -203,7 +203,7 @@ def test_two_tabs_a_reload_and_a_service_that_dies(cell: Path, window: Page, tmp
             until(lambda: page.value("document.querySelector('#silence').hidden"))
             until(lambda: page.value(STATE) == "paused")
             assert page.value("document.querySelector('#asking').hidden")
-            until(lambda: page.text("#holder").startswith("Nobody"))
+            until(lambda: page.text("#holder").startswith("No one"))
             assert again.client.get("/cell").json()["run_id"] is None
             assert again.client.get(f"/runs/{run}").json()["done"] == 0
             assert again.client.get("/cell").json()["last_run_id"] == run

@@ -105,3 +105,58 @@ CELL_OF = """
 @pytest.mark.parametrize(("status", "heard"), [(200, [{"name": "c"}]), (404, [None]), (503, 503)])
 def test_a_page_is_entered_where_there_is_no_cell(status: int, heard: object) -> None:
     assert in_modules(CELL_OF, [status]) == heard
+
+
+ERRORS = {"n": 52, "mean": 0.4, "rms": 0.5, "p95": 0.8, "max": 1.0}
+BETTER = {**ERRORS, "rms": 0.05}
+PROOF = {"poses": 13, "error_uncorrected_mm": ERRORS, "error_verified_mm": BETTER}
+HELD_OUT = {"error_nominal_mm": {**ERRORS, "rms": 0.9}, "error_before_mm": {**ERRORS, "rms": 0.3}}
+
+
+@pytest.mark.parametrize(
+    ("result", "poses", "first", "last"),
+    [
+        ({"verification": PROOF}, 13, 0.5, 0.05),
+        ({**HELD_OUT, "verification": PROOF}, 0, 0.9, 0.3),
+        ({"verification": {**PROOF, "error_uncorrected_mm": None}}, 0, None, None),
+        ({}, 0, None, None),
+    ],
+)
+def test_without_readings_held_out_the_robot_itself_judges(
+    result: dict[str, object], poses: int, first: float | None, last: float | None
+) -> None:
+    """A diagnosis is judged by readings held out, otherwise by the proof on the robot, and never by a half of one."""
+    judged = in_modules("return (await of('ladder')).judged({ result: given[0] });", [result])
+    assert (judged["poses"], judged["first"], judged["last"]) == (poses, first, last)
+
+
+RUNS = """
+    const { road, walk, ofProof } = await of('road');
+    walk({ run: given[0], loop: given[2] });
+    walk({ run: given[1], loop: given[2] });
+    return [road.run.id, ...given[3].map(([run, loop]) => ofProof({ id: run }, loop))];
+"""
+
+
+def test_the_run_of_a_proof_is_not_counted_as_the_measurement() -> None:
+    own, proof = "20261128-070000-a-campaign1", "20261128-070000-a-campaign2"
+    verification = {"id": "20261128-080000-b", "model_id": "20261128-070000-a"}
+    asked = [[f"{verification['id']}-campaign1", verification], [own, verification], [own, None]]
+    loop = {"id": "20261128-070000-a"}
+    assert in_modules(RUNS, [{"id": own}, {"id": proof}, loop, asked]) == [own, True, False, False]
+
+
+@pytest.mark.parametrize(
+    ("points", "axis", "ends"),
+    [
+        ([19], {"from": 0}, [0, pytest.approx(19.57)]),
+        ([10, 20], {"from": 0}, [0, pytest.approx(20.6)]),
+        ([10, 20], {}, [pytest.approx(9.7), pytest.approx(20.3)]),
+        ([100], {"time": True}, [40, 160]),
+        ([], {"from": 0}, [0, 1]),
+    ],
+)
+def test_a_lone_point_has_an_axis_to_be_read_on(
+    points: list[float], axis: dict[str, object], ends: list[object]
+) -> None:
+    assert in_modules("return (await of('charts')).spread(given[0], given[1]);", [points, axis]) == ends
