@@ -104,18 +104,22 @@ def parse_url(url: str) -> Address:
     """
     parts = urlsplit(url)
     if parts.scheme != "tcp":
-        raise ConfigError(f"address {url!r} must begin with tcp://", what_to_do="Use tcp://HOST:PORT.")
+        raise ConfigError(
+            f"address {url!r} must begin with tcp://", what_to_do="Write the address as tcp://HOST:PORT."
+        )
     try:
         host, port = parts.hostname, parts.port
     except ValueError as error:
-        raise ConfigError(f"address {url!r}: {error}", what_to_do="Use tcp://HOST:PORT.") from error
+        raise ConfigError(
+            f"address {url!r}: {error}", what_to_do="Write the address as tcp://HOST:PORT."
+        ) from error
     if not host or not _HOST.fullmatch(host) or parts.path not in ("", "/") or parts.username:
         raise ConfigError(
             f"address {url!r} has a path, a user name or no host",
-            what_to_do="Use tcp://HOST:PORT.",
+            what_to_do="Write the address as tcp://HOST:PORT.",
         )
     if not port:
-        raise ConfigError(f"address {url!r} has no port", what_to_do="Use tcp://HOST:PORT.")
+        raise ConfigError(f"address {url!r} has no port", what_to_do="Write the address as tcp://HOST:PORT.")
     return Address(host, port, dict(parse_qsl(parts.query)))
 
 
