@@ -74,7 +74,7 @@ def draw_poses(
     one_target
         Whether it is enough if one of them is visible.
     within
-        Tells of joint angles (n, N) whether the poses are wanted. Default: all.
+        Selects poses by their joint angles (n, N). Default: all.
 
     Raises
     ------

@@ -121,7 +121,7 @@ def _accuracy(data: Mapping[str, Any]) -> str:
     verdict = VERDICT_NAMES[data["verdict"]].lower()
     return (
         f"{poses}: RMS error below {data['bound_mm']:.3f} mm (95 %), {data['deciding_mm']:.3f} mm where every look "
-        f"counts, {data['wanted_mm']:g} mm are wanted; diagnosis so far: {verdict}{left}"
+        f"counts, required: {data['wanted_mm']:g} mm; diagnosis so far: {verdict}{left}"
     )
 
 

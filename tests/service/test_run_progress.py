@@ -34,7 +34,7 @@ class Sayings:
 @pytest.mark.parametrize(
     ("changed", "parts"),
     [
-        ({}, ["20 poses", "0.061 mm", "0.065 mm", "0.05 mm are wanted", "attributed", "5 more"]),
+        ({}, ["20 poses", "0.061 mm", "0.065 mm", "required: 0.05 mm", "attributed", "5 more"]),
         ({"poses_left": None}, ["0.061 mm"]),
         ({"bound_mm": None, "verdict": "", "poses": 10}, ["10 poses", "too few"]),
         ({"ended": "The time is up: 30 minutes were given."}, ["The time is up"]),

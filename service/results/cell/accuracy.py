@@ -27,7 +27,7 @@ class AccuracyShown(AccuracyLook):
             0.05,
         ),
     ] = None
-    wanted_mm: Annotated[float, told("The upper limit that is wanted, mm.", 0.05)]
+    wanted_mm: Annotated[float, told("The required upper limit, mm.", 0.05)]
     minutes: Annotated[float, told("Time since the beginning to which it refers, min.", 11.5)]
     floor_mm: Annotated[
         float | None, told("Noise and repeatability in one reading, which no calibration lowers, mm.", 0.038)
@@ -48,7 +48,7 @@ class AccuracyShown(AccuracyLook):
 class OutlookShown(ResponseBody):
     """What a calibration is expected to need and to reach if the model describes the robot."""
 
-    wanted_mm: Annotated[float, told("The upper limit (95 %) of the RMS error that is wanted, mm.", 0.1)]
+    wanted_mm: Annotated[float, told("The required upper limit (95 %) of the RMS error, mm.", 0.1)]
     poses: Annotated[int | None, told("Number of poses; null: it is not expected.", 15)]
     most: Annotated[int, told("Largest number of poses.", 100)]
     targets: Annotated[int, told("Number of readings in each pose.", 3)]

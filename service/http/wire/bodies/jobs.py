@@ -119,7 +119,7 @@ class SelectionAsked(RequestBody):
     ] = SHARE
     wanted_u_mm: Annotated[
         float,
-        told_limit("The predicted U that is wanted", 0.1),
+        told_limit("The required predicted U", 0.1),
     ] = 0.0
     seed: Annotated[int, told("Draws the candidates and the starts; no unit.", 1, ge=0, le=2**53)] = 1
     prior: Prior = Field(default_factory=dict)
