@@ -102,7 +102,7 @@ class Outlook:
             last = f"{expected}."
         else:
             first = f"About {self.poses} poses with {readings}"
-            last = f"{expected}, if the model describes the robot; required: {self.wanted_mm:g} mm."
+            last = f"{expected}, if the model describes the robot (required: {self.wanted_mm:g} mm)."
         return (
             f"{first}, about {self.minutes:.0f} minutes at the cell: {before}, {self.measuring_minutes:.0f} of "
             f"measuring, {self.verification_minutes:.0f} of verification. {last} {floor} alone {are} "

@@ -510,7 +510,7 @@ def _holds_for(table: Any, robot: Robot, path: Path) -> dict[str, Any]:
 
 def _tables(entries: Any, key: str, path: Path) -> tuple[Mapping[str, Any], ...]:
     if not isinstance(entries, list) or not all(isinstance(each, dict) for each in entries):
-        raise DataError("is no list of tables.", do="Write the model again.", file=path, key=key)
+        raise DataError("is not a list of objects.", do="Write the model again.", file=path, key=key)
     return tuple(entries)
 
 

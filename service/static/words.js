@@ -207,7 +207,7 @@ const WORDS = {
   questions: "Questions", whichRobot: "Which robot was measured?", robotFirst: "Answer this first: the robot answers most of the other questions.",
   otherRobots: "A robot that is not listed: convert the file with truepose convert, and choose the data set that it writes.",
   ofThisCell: "{robot} (of this cell)", chooseOne: "Choose …", likelyOne: "likely", howRead: "How it was read",
-  withinS: "How far apart may their times be, s?", instrumentName: "Name", sigmaMm: "Standard deviation of one coordinate, mm (without it, 0.05 is assumed)",
+  withinS: "How far apart may the times of joints and point be, s?", instrumentName: "Name", sigmaMm: "Standard deviation of one coordinate, mm (without it, 0.05 is assumed)",
   notInFile: "No column holds this: {what}.", notInFileHint: "Choose its column in the table, or cancel and choose the file that has it as well.",
   missingFoot: "Something that is needed is in no column.", openFoot: "Open questions: {n}.", useFoot: "Next: the readings are kept as a data set and diagnosed. Nothing moves.",
   cancel: "Cancel", useReadings: "Use these readings",

@@ -19,7 +19,7 @@ REPORT = "<!doctype html><title>of the test</title>"
 
 
 def kept_job(record: Path, dataset: str, own: str, **files: object) -> None:
-    """A diagnosis that has succeeded, as the service keeps it; `files` are JSON files by their names."""
+    """A diagnosis that has succeeded, as it is kept; `files` are JSON files by name."""
     folder = record / "diagnoses" / own
     folder.mkdir(parents=True)
     job = {"id": own, "kind": "diagnosis", "dataset_id": dataset, "created_utc": "2026-11-20T14:32:00Z"}
@@ -130,7 +130,7 @@ def test_what_a_run_gave_is_one_click_away(tmp_path: Path) -> None:
 
 @in_a_browser
 def test_a_result_tells_one_truth_of_what_judged_it(tmp_path: Path) -> None:
-    """Readings of the calibration are not shown as held out, and an error without a cause is not called explained."""
+    """No reading of the calibration is shown as held out, and no unexplained error as explained."""
     record, arrow = tmp_path / "record", {"reading": "1", "at_mm": [500, 0, 500], "nominal_mm": [1, 0, 0]}
     arrows = {"format": "truepose-arrows/1", "readings": 1, "arrows": [{**arrow, "model_mm": [0.1, 0, 0]}]}
     for own, verdict, held_out in (("noisy-1", "excess_noise", False), ("clear-1", "complete", True)):

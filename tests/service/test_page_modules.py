@@ -125,7 +125,7 @@ HELD_OUT = {"error_nominal_mm": {**ERRORS, "rms": 0.9}, "error_before_mm": {**ER
 def test_without_readings_held_out_the_robot_itself_judges(
     result: dict[str, object], poses: int, first: float | None, last: float | None
 ) -> None:
-    """A diagnosis is judged by readings held out, otherwise by the proof on the robot, and never by a half of one."""
+    """A diagnosis is judged by held-out readings, otherwise by the whole proof on the robot."""
     judged = in_modules("return (await of('ladder')).judged({ result: given[0] });", [result])
     assert (judged["poses"], judged["first"], judged["last"]) == (poses, first, last)
 

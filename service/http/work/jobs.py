@@ -308,7 +308,7 @@ class Jobs:
         folder = self._path(name, REPORT, "result").parent
         if folder.parent.name not in ("identifications", "diagnoses"):
             raise Problem(
-                404, f"There is no certificate of {name!r}.", "Ask for an identification or a diagnosis."
+                404, f"There is no certificate of {name!r}.", "Name an identification or a diagnosis."
             )
         return folder
 
