@@ -138,7 +138,7 @@ def test_what_a_column_is_said_to_be_goes_into_the_map(client: TestClient, tmp_p
         (ROBOT, ("sigma_mm=much",), "'much' is no number above 0"),
         (ROBOT, ("sigma_mm=nan",), "'nan' is no number above 0"),
         (ROBOT, ("column.Pos. X [mm]=width",), "is none of the answers"),
-        (ROBOT, ("column.Pos. X [mm]=z", "column.Nr.=z"), "two columns are said to be z"),
+        (ROBOT, ("column.Pos. X [mm]=z", "column.Nr.=z"), "two columns are stated as z"),
         (ROBOT, ("column.Nothing=x",), "which nothing asks"),
         (ROBOT, ("unit.points=furlong",), "is none of the answers"),
     ],

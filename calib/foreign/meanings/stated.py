@@ -63,8 +63,8 @@ def stated_columns(to: Assigned) -> dict[str, str]:
             )
         if quantity != LEAVE and quantity in out.values():
             raise DataError(
-                f"two columns are said to be {quantity}, '{name}' among them.",
-                do="Say so of one of them.",
+                f"two columns are stated as {quantity}, '{name}' among them.",
+                do="State only one of them.",
                 file=where,
                 key=key,
             )

@@ -102,7 +102,7 @@ def propose_map(
         list[str],
         Form(
             max_length=200,
-            description="Answers KEY=CHOICE, as --answer of the command; column.NAME=CHOICE says what a column is.",
+            description="Answers KEY=CHOICE, as --answer of the command; column.NAME=CHOICE states a meaning.",
             examples=[["unit.points=mm", "column.Remark=leave"]],
         ),
     ] = [],  # noqa: B006 (FastAPI copies it)
