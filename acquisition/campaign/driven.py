@@ -35,7 +35,9 @@ def commanded(
     """
     robot = cell.robot
     with as_config_error(f"{where}: "):
-        saved = _model_of(cell, file)
+        saved = load_model(file)
+        refuse_other_robot(cell, saved, file)
+        saved = saved.for_use()[0]
         stated = replace(
             saved.usual,
             side=float(approach.side),
@@ -60,16 +62,15 @@ def commanded(
     return [rounded(row) if good else None for row, good in zip(joints, found.good, strict=True)]
 
 
-def _model_of(cell: Cell, file: Path) -> CalibratedModel:
-    """Read a model for corrections of the robot of a cell.
+def refuse_other_robot(cell: Cell, saved: CalibratedModel, file: Path) -> None:
+    """Refuse the model of another robot than that of a cell, or of another absolute accuracy.
 
     Raises
     ------
     DataError
-        It cannot be used, or is of another robot; file and key are named.
+        It is of another robot; file and key are named.
     """
-    saved, own = load_model(file), cell.robot.model
-    robot = saved.model.robot
+    robot, own = saved.model.robot, cell.robot.model
     if robot.name != own.name:
         raise DataError(
             f"is a model of the robot '{robot.name}', and the cell has '{own.name}'.",
@@ -79,4 +80,3 @@ def _model_of(cell: Cell, file: Path) -> CalibratedModel:
         )
     refuse_other_table(robot, own, file)
     saved.refuse_other_accuracy(cell.robot.absolute_accuracy, file)
-    return saved.for_use()[0]

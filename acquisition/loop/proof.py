@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from acquisition.campaign.campaign import FORMAT, Campaign, campaign_from
+from acquisition.campaign.driven import refuse_other_robot
 from acquisition.campaign.plan import DECIMALS, check_plan, make_plan
 from acquisition.campaign.poses import draw_poses
 from acquisition.cell.cell import Cell
@@ -36,7 +37,7 @@ from acquisition.record.verification import Verification
 from calib.compensate import Bounds, refuse_unlikely
 from calib.errors import DataError
 from calib.model import StatedConditions
-from calib.saved import CalibratedModel, refuse_other_table
+from calib.saved import CalibratedModel
 from drivers.errors import ConfigError
 
 _FIRST_POSE = 79  # random stream, in addition to those of the plan and of the new poses
@@ -92,16 +93,7 @@ def usable_here(cell: Cell, saved: CalibratedModel, file: Path, *, simulated: bo
             f"a verification needs an instrument that measures points, the {cell.instrument.name} measures distances",
             what_to_do="Judge the model with its legs: truepose validate LEGS.csv --model MODEL.json.",
         )
-    robot, own = saved.model.robot, cell.robot.model
-    if robot.name != own.name:
-        raise DataError(
-            f"is a model of the robot '{robot.name}', and the cell has '{own.name}'.",
-            do="Give a model of the robot of this cell, or go to the cell of the model's robot.",
-            file=file,
-            key="robot",
-        )
-    refuse_other_table(robot, own, file)
-    saved.refuse_other_accuracy(cell.robot.absolute_accuracy, file)
+    refuse_other_robot(cell, saved, file)
     if saved.simulated and not simulated:
         raise DataError(
             "was identified from a simulated robot and says nothing of this one.",

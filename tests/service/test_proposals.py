@@ -30,7 +30,7 @@ from tests.service.test_http_support import problem
 from tests.service.test_openapi import unnamed
 
 TOKENS = Tokens("proposes-in-these-tests", "looks-on-in-these-tests")
-SHARED = Path("/work/shared/data")
+SHARED = Path(__file__).resolve().parents[3] / "shared" / "data"
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,8 @@
 from __future__ import annotations
 
 import sys
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -156,6 +157,17 @@ def resume_command(
         execute(run, record, json, simulate=simulate)
 
 
+@contextmanager
+def _at_rest(record: Path, otherwise: str) -> Iterator[Run]:
+    """Open the run of a record; `otherwise` is what to do while another program executes it."""
+    try:
+        run = Run.open(record)
+    except RecordInUse as error:
+        raise RecordInUse(error.message, what_to_do=otherwise) from error
+    with run:
+        yield run
+
+
 @app.command("restation", hidden=True)  # the name before 0.1
 @app.command("move-instrument")
 def restation_command(
@@ -168,15 +180,11 @@ def restation_command(
     The campaign pauses, and measures the nests when it is resumed.
     """
     options.check_outputs({"--json": json}, inputs=(record / RECORD_FILE,))
-    try:
-        run = Run.open(record)
-    except RecordInUse as error:
-        raise RecordInUse(
-            error.message,
-            what_to_do="Press Ctrl-C there, which pauses it; move the instrument, then resume: that measures the nests "
-            "first. A run of 'truepose serve' takes POST /runs/{id}/restation instead.",
-        ) from error
-    with run:
+    with _at_rest(
+        record,
+        "Press Ctrl-C there, which pauses it; move the instrument, then resume: that measures the nests "
+        "first. A run of 'truepose serve' takes POST /runs/{id}/restation instead.",
+    ) as run:
         run.restation(by="terminal", reason=reason)
         status = run.status()
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
@@ -195,15 +203,11 @@ def finish_command(
 ) -> None:
     """End a paused campaign as succeeded, with the readings that it has. It cannot be resumed then."""
     options.check_outputs({"--json": json}, inputs=(record / RECORD_FILE,))
-    try:
-        run = Run.open(record)
-    except RecordInUse as error:
-        raise RecordInUse(
-            error.message,
-            what_to_do="Press Ctrl-C there, which pauses it, then finish it. A run of 'truepose serve' takes "
-            "POST /runs/{id}/finish instead.",
-        ) from error
-    with run:
+    with _at_rest(
+        record,
+        "Press Ctrl-C there, which pauses it, then finish it. A run of 'truepose serve' takes "
+        "POST /runs/{id}/finish instead.",
+    ) as run:
         run.finish(by="terminal", reason=reason)
         status = run.status()
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import shutil
 import threading
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import fields
 from pathlib import Path
@@ -48,7 +49,7 @@ CUT_OFF = "The service ended in mid-loop. Its runs are kept; begin a new loop to
 RESTS = "The service ended; nothing moves. What was measured is kept. Resume to continue."
 
 
-class WorkStore:
+class WorkStore(ABC):
     """The loops, or the verifications, of one record directory. Thread-safe.
 
     `kind` is what clients call it, `asked` the members of its file `ASKED`. `fitted` are the ends of the names of the
@@ -131,7 +132,7 @@ class WorkStore:
         if work is not None:
             return work.wait(after, seconds)
         if self._rests(name):
-            time.sleep(seconds)  # only an order changes it
+            time.sleep(seconds)  # a slice of a long poll, which then asks again
         return self._read(name)["version"]
 
     # -- orders -------------------------------------------------------------------------------------------
@@ -286,9 +287,9 @@ class WorkStore:
                 self._work[own] = former
             raise
 
+    @abstractmethod
     def _play(self, status: LoopStatus, cell: Cell) -> Play:
         """Return what drives it, as its file `ASKED` says."""
-        raise NotImplementedError
 
     def _new(
         self,
