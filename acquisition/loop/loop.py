@@ -61,7 +61,7 @@ from acquisition.run.duration import Begin, at_once
 from acquisition.run.orders.lease import LeaseDeadline
 from acquisition.run.outcome import ExecutionOutcome
 from acquisition.run.run import Run
-from acquisition.run.status import read_status
+from acquisition.run.status import RunStatus, read_status
 from calib.array import Array
 from calib.compensate import Bounds, Correction, correct, refuse_unlikely
 from calib.data import read_dataset
@@ -421,8 +421,9 @@ def verify(
         number += 1
         goals, record = wanted[begin : begin + size], folder / f"campaign{number}"
         begun, rests = targets_of_record(equipment.place(record)), equipment.rests()
-        if begun is not None and follows and not _finished(equipment.place(record)):
-            if read_status(equipment.place(record)).reason != _OLD:
+        status = None if begun is None else read_status(equipment.place(record))
+        if status is not None and (status.finished_early or (follows and not _finished(status))):
+            if not status.finished_early and status.reason != _OLD:
                 with equipment.create(record, equipment.cell, campaign, equipment.simulated) as old:
                     old.stop(by=_LOOP, reason=_OLD)
                 say(AGAIN)
@@ -465,8 +466,9 @@ def verify(
     return Targets(both[:, :half], both[:, half:], tuple(refused)), verification
 
 
-def _finished(record: Path) -> bool:
-    return read_status(record).state == State.SUCCEEDED.value
+def _finished(status: RunStatus) -> bool:
+    """Return whether all poses of a campaign were measured: a part of them proves nothing."""
+    return status.state == State.SUCCEEDED.value and not status.finished_early
 
 
 def _goals_of(cell: Cell, begun: tuple[Array, Array | None], diagnosis: DiagnosisFit | None) -> Array:
@@ -485,7 +487,7 @@ def _measured_first(
     done: list[Array] = []
     number = 2
     while (begun := targets_of_record(record := equipment.place(folder / f"campaign{number}"))) is not None:
-        done += [_goals_of(equipment.cell, begun, diagnosis)] if _finished(record) else []
+        done += [_goals_of(equipment.cell, begun, diagnosis)] if _finished(read_status(record)) else []
         number += 1
     if not done:
         return wanted

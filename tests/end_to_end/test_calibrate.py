@@ -337,6 +337,33 @@ def test_targets_corrected_before_a_pause_are_not_driven_after_it(
     assert read_status(tmp_path / "campaign4").done == 0
 
 
+def test_a_verification_that_a_person_has_finished_early_is_driven_whole(tmp_path: Path) -> None:
+    """A part of its poses proves nothing."""
+    the_cell, _ = rehearsal.write_files(tmp_path, 3, "backlash:j4", 1.0, calibration=34, validation=8)
+    campaign, _ = calibration_campaign(the_cell, accuracy_mm=0.1)
+
+    heard: list[Event] = []
+
+    def listen(run: Run) -> Callable[[Event], None]:
+        def hear(event: Event) -> None:
+            heard.extend([event] * (event.kind == "reading" and run.folder.name == "campaign2"))
+            if len(heard) == 2 * len(the_cell.nests):
+                threading.Thread(target=run.pause, args=("anna",)).start()
+
+        return hear
+
+    with stepped_cell(the_cell) as equipment, pytest.raises(LoopEnded):
+        close_loop(replace(equipment, listen=listen), campaign, tmp_path, poses=2)
+    with Run.open(tmp_path / "campaign2") as run:
+        run.finish("anna", "It is enough.")
+    assert 0 < read_status(tmp_path / "campaign2").done < 12
+    with stepped_cell(the_cell) as equipment:
+        result = close_loop(replace(equipment, create=created_or_continued), campaign, tmp_path, poses=2)
+    assert read_status(tmp_path / "campaign3").done == 12
+    assert len(result.verification.landings) == 12
+    assert result.verification.verified.n == 6
+
+
 def test_targets_of_a_program_that_cannot_be_reached_are_said(cell: Path, tmp_path: Path) -> None:
     names = ",".join(["target_id", *(f"j{k}_deg" for k in range(1, 7))])
     rows = ["1,0,45,0,0,45,0", "2,10,50,-10,20,40,10", "3,0,500,0,0,45,0"]

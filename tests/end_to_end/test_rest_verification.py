@@ -193,7 +193,7 @@ def test_a_model_of_another_robot_is_refused_with_what_to_do(
     with served(tmp_path / "record", "--cell", str(cell), "--simulate") as service:
         refused = problem(service.client.post("/verifications", json={"model": other}), 422)
         assert "another" in refused["detail"]
-        assert "robot of this cell" in refused["what_to_do"]
+        assert "robot of the cell" in refused["what_to_do"]
         changed = model | {"gravity_base": [0.0, 0.0, -9.0]}
         assert (
             "changed"
