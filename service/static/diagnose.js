@@ -9,7 +9,7 @@ import { causesKnown, errorTable, judged, ladder } from "./ladder.js";
 import { control, openControl } from "./lease.js";
 import { deletion, menu } from "./menu.js";
 import { active, addressOf, findRun, road, stageOf, walk } from "./road.js";
-import { scenePicture } from "./scene.js";
+import { enlargement, scenePicture } from "./scene.js";
 import { duration, length, moment, number, state } from "./units.js";
 import { t } from "./words.js";
 
@@ -110,7 +110,7 @@ export function open(root, id) {
     if (!found.arrows.length) { picture.replaceWith(h("p", {}, t("noArrows"))); return; }
     let which = "nominal_mm";
     const both = () => {
-      const most = Math.max(...found.arrows.map((each) => length(each[which]))), enlarged = 10 ** Math.round(Math.log10(90 / most));
+      const most = Math.max(...found.arrows.map((each) => length(each[which]))), enlarged = enlargement(most);
       picture.show({ ...scene, arrows: found.arrows.map((each) => ({ at: each.at_mm, by: each[which] })), enlarged, after: which === "model_mm",
         says: t(found.held_out ? "arrowScale" : "arrowScaleFitted", { n: found.arrows.length, times: enlarged, mm: number(most) }), described: t(which === "nominal_mm" ? "arrowsBefore" : "arrowsAfter", { mm: number(most) }) });
       picture.dataset.arrows = String(found.arrows.length);

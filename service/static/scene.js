@@ -13,6 +13,12 @@ const loaded = () => loaded.once ??= (async () => {
   try { engine = { THREE, OrbitControls, renderer: new THREE.WebGLRenderer({ antialias: true, alpha: true }) }; } catch { engine = null; }
 })();
 
+// Times 1, 2 or 5 and a power of ten, so that the longest arrow is drawn 60 to 150 mm long.
+export function enlargement(longest) {
+  const most = 150 / longest, ten = 10 ** Math.floor(Math.log10(most));
+  return ten * [5, 2, 1].find((each) => each * ten <= most);
+}
+
 const token = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 
 // `show(model)`: capsules, obstacles, nests_mm, station_mm as /cell/scene has them; path_mm; marks: [{at, shape, square, label,

@@ -8,7 +8,7 @@ import { control, myName, nameField, openControl, takeControl } from "./lease.js
 import { open as measuring } from "./measure.js";
 import { active, findRun, stageOf, walk } from "./road.js";
 import { bars } from "./charts.js";
-import { scenePicture } from "./scene.js";
+import { enlargement, scenePicture } from "./scene.js";
 import { length, number } from "./units.js";
 import { t } from "./words.js";
 
@@ -80,7 +80,7 @@ export function open(root, id) {
     h("label", { className: "check" }, h("input", { type: "radio", name: "which", checked: !corrected, on: { change: () => draw(landings, corrected) } }), t(words))));
 
   async function draw(landings, corrected = false) {
-    const scene = await reckoned("/cell/scene").catch((error) => { if (error.status === undefined) throw error; return { capsules: [], obstacles: [] }; }), shown = landings.filter((each) => each.corrected === corrected), most = Math.max(1e-6, ...shown.map((each) => length(each.error_mm))), enlarged = 10 ** Math.round(Math.log10(90 / most));
+    const scene = await reckoned("/cell/scene").catch((error) => { if (error.status === undefined) throw error; return { capsules: [], obstacles: [] }; }), shown = landings.filter((each) => each.corrected === corrected), most = Math.max(1e-6, ...shown.map((each) => length(each.error_mm))), enlarged = enlargement(most);
     picture.show({ ...scene, arrows: shown.map((each) => ({ at: each.wanted_mm, by: each.error_mm })), enlarged, after: corrected, says: t("proofScale", { n: shown.length, times: enlarged, mm: number(most) }), described: t(corrected ? "arrowsAfter" : "arrowsBefore", { mm: number(most) }) });
   }
 
