@@ -430,6 +430,8 @@ def verify(
             continue
         if begun is not None:  # by an earlier program
             joints, goals = begun[0], _goals_of(equipment.cell, begun, diagnosis)
+            if not follows:
+                say(f"verification: going on with the {len(goals)} new poses with which it began")
         else:
             stated = conditions_soon(equipment, used, first, last, since_s)
             done = equipment.compute(correction, equipment.cell, used, goals, stated)

@@ -111,8 +111,9 @@ def test_it_goes_on_after_the_program_was_killed(cell: Path, tmp_path: Path) -> 
         killed.wait(PATIENCE_S)
         until(lambda pids=beside: not any(map(_runs, pids)))
     before = read_status(folder / "campaign1")
-    last = truepose(*command, "--json", str(tmp_path / "result.json"))
+    last = truepose(*command, "--poses", "5", "--json", str(tmp_path / "result.json"))
     assert last.returncode == 0, last.stderr
+    assert "4 new poses" in last.stderr  # of the verification that has begun
     assert read_status(folder / "campaign1").version == before.version  # what was finished is used as it is
     result: dict[str, Any] = json.loads((tmp_path / "result.json").read_text("utf-8"))
     assert result["accuracy"]["reached"]
