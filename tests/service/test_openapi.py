@@ -47,7 +47,7 @@ FREE = {
     "ToDiagnose.prior",
     "ToIdentify.prior",
 }
-"""What an event says beside its kind differs from kind to kind: docs/cell-pc/events.md. A prior and a model are the
+"""What an event says beside its kind differs from kind to kind: see `streamEvents`. A prior and a model are the
 content of a file, which its reader checks."""
 
 

@@ -122,7 +122,37 @@ async def stream_events(
     """Stream every event as it happens, from the first or after Last-Event-ID.
 
     The stream ends when nothing can happen any more. Server-sent events: `id`, `event` (the kind) and `data`, one
-    `EventShown` as JSON. A client that has lost the connection sends `Last-Event-ID` and misses nothing.
+    `EventShown` as JSON. A client that has lost the connection sends `Last-Event-ID` and misses nothing. A browser's
+    `EventSource` cannot send the token; `fetch` can. Ignore kinds that you do not know. Members of `data`, by kind:
+
+    | kind | data |
+    |---|---|
+    | `created` | name, visits, sqlite |
+    | `state` | state, code, reason |
+    | `command` | verb (pause, stop and so on), by |
+    | `prompt` | id, text, expects |
+    | `answer` | id, answer, by, reason |
+    | `connected`, `link`, `reconnect`, `battery_low`, `device_told` | message or act of a device, by its role |
+    | `device_state` | role, state, says |
+    | `finish`, `finished_early` | by, reason; measured of total readings |
+    | `arrived` | attempt, read_deg |
+    | `reading` | attempt, pose, name, set, target, t_air_c (degC) |
+    | `reading`, of a point | tracker_mm, world_mm, as_planned_mm (the same at the planned joints) |
+    | `reading`, of a length | base_target, length_mm |
+    | `attempt_failed` | attempt, error |
+    | `attempt_died` | attempt, act, pose, streams of a path by role |
+    | `accuracy` | accuracy of an adaptive campaign, and how far each new visit was from its prediction |
+    | `batch`, `planned` | numbers of the added visits, and of those drawn at random |
+    | `deferred`, `skipped` | pose, reason |
+    | `measure_again`, `replanned` | poses and their replacement |
+    | `detour` | a move over another posture |
+    | `warming_up`, `warm_up`, `warm` | distance of the last readings of the reference pose, mm |
+    | `nests_checked`, `nests_judged`, `nest_doubted`, `world_frame`, `zeroed` | nests, frame, zero of the ballbar, mm |
+    | `restation`, `instrument_moved` | by, reason |
+    | `second_stage`, `second_stage_refused` | stances of the ballbar that are measured again, corrected |
+    | `waypoint` | attempt, waypoint, of, samples, lost |
+    | `device_needed` | maker, model, serial of the only robot that may be moved |
+    | `accept_other`, `other_device_accepted`, `rescued` | by, reason, and the device or record |
     """
     seen = int(last_event_id) if last_event_id.isdecimal() and len(last_event_id) < 16 else 0
     while not here.closing:

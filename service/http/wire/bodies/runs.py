@@ -271,7 +271,7 @@ class EventShown(ResponseBody):
     kind: Annotated[EventKind, told("What has happened.", "reading")]
     data: Annotated[
         dict[str, Any],
-        told("The rest, by kind; docs/cell-pc/events.md has them. Lengths mm, angles deg.", {"target": "T1"}),
+        told("The rest, by kind: see `streamEvents`. Lengths mm, angles deg.", {"target": "T1"}),
     ]
 
 
