@@ -225,7 +225,7 @@ class MotionStopped(Refused):
     """The move ended before its target because it was stopped."""
 
     code = 3006
-    advice = "The robot stopped on its way: check the cell, then arm it again; the pose is approached again."
+    advice = "The robot stopped on its way. Check the cell, then arm it again. The pose is approached again."
 
 
 class CannotStop(Refused):

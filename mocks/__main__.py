@@ -82,7 +82,7 @@ def arguments(argv: Sequence[str]) -> argparse.Namespace:
     )
     parser.add_argument("name", choices=["cell", *sorted(DEVICES)])
     parser.add_argument("file", nargs="?", type=Path, help="CELL.toml, needed for `cell`")
-    parser.add_argument("--port", type=int, default=0, help="of the first device; 0: a free one")
+    parser.add_argument("--port", type=int, default=0, help="of the first device, 0 for a free one")
     parser.add_argument("--dialect", help="of a device; a name that there is not lists those there are")
     parser.add_argument("--seed", type=int)
     parser.add_argument("--time-scale", type=float)

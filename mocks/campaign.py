@@ -297,7 +297,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--readings", type=int, default=200, help="calibration rows")
     p.add_argument("--validation", type=int, default=100, help="validation rows")
     p.add_argument("--reference-every", type=int, default=0, help="number of rows between reference rows")
-    p.add_argument("--effect", nargs="+", metavar="LABEL", help="labels, or none; omitted: one at random")
+    p.add_argument("--effect", nargs="+", metavar="LABEL", help="labels, or none (default: one at random)")
     p.add_argument("--size", type=float, default=3.0, help="RMS of an effect over RMS of the noise")
     p.add_argument("--departure", choices=sorted(DEPARTURES), help="replaces the textbook law")
     p.add_argument("--one-side", action="store_true", help="approach every joint from below")

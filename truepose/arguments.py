@@ -52,7 +52,7 @@ def joints_of(joints_deg: Any, saved: CalibratedModel) -> Array:
         raise DataError("holds numbers that are not finite.", do="Leave those rows out.", key="joints_deg")
     turning = angles[:, [kind == "turns" for kind in robot.kinds]]
     if len(angles) >= _MANY and np.any(turning) and np.max(np.abs(turning)) <= math.pi:
-        warnings.warn("joints_deg: all angles lie within 3.15 deg; radians?", stacklevel=3)
+        warnings.warn("joints_deg: all angles lie within 3.15 deg. Are they radians?", stacklevel=3)
     return robot.model_angles(angles * robot.joint_units, saved.coupling)
 
 

@@ -174,12 +174,13 @@ def _driven(cell: Cell, campaign: Campaign, number: int, visits: list[Visit]) ->
     if touched:
         raise ConfigError(
             f"{where}: does not go with touch_with of block {touched[0]}, whose positions are those of the robot as "
-            "delivered; measure the cups, or leave touch_with out"
+            "delivered",
+            what_to_do="Measure the cups, or leave touch_with out.",
         )
     there = dict(zip(stops, commanded(cell, block.model_file, where, stops, block.approach), strict=True))
     if not any(there.values()):
         raise ConfigError(
-            f"{where}: {block.model_file}: the real robot reaches no pose of the block within its limits",
+            f"{where}: by the model {block.model_file} the real robot reaches no pose of the block within its limits",
             what_to_do="Choose other poses for the block, or check that the model belongs to this robot.",
         )
 
@@ -234,13 +235,14 @@ def _fits_instrument(cell: Cell, campaign: Campaign) -> None:
         if campaign.path_of(number - 1) is not None and silent:
             raise ConfigError(
                 f"block {number}: kind = 'path' records while the robot moves, and the {' and the '.join(silent)} of "
-                "this cell cannot be recorded in motion; use kind = 'poses', which stops to measure"
+                "this cell cannot be recorded in motion",
+                what_to_do="Use kind = 'poses', which stops to measure.",
             )
         if block.lengths != lengths and not isinstance(block, AdaptiveBlock):
-            blocks = "use kind = 'hexapod' or 'ballbar_geometry', or 'sphere' with its base, or 'repeat' with its legs"
-            hint = blocks if lengths else "it needs a ballbar"
+            blocks = "Use kind = 'hexapod' or 'ballbar_geometry', or 'sphere' with its base, or 'repeat' with its legs."
             raise ConfigError(
-                f"block {number}: kind = {block.kind!r} does not go with the {cell.instrument.name}; {hint}"
+                f"block {number}: kind = {block.kind!r} does not go with the {cell.instrument.name}",
+                what_to_do=blocks if lengths else "Use a cell with a ballbar, or a block of another kind.",
             )
     stations = any(block.new_station for block in campaign.blocks)
     if lengths and (campaign.reference_every or campaign.warm_up or campaign.nest_check or stations):

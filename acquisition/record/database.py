@@ -128,7 +128,7 @@ class Database:
                 else f"has lost {', '.join(sorted(missing))}",
             )
         if not tables or not self.query("SELECT 1 FROM campaign"):
-            raise RecordError(f"{self.path}: holds no campaign; start it again in this folder")
+            raise RecordError(f"{self.path}: holds no campaign", what_to_do="Start it again in this folder.")
         refuse_version(self.path, self.query("PRAGMA user_version")[0][0])
         if self.query("SELECT 1 FROM campaign WHERE unsealed_poses > 0"):
             refuse_version(self.path, UNSEALED)

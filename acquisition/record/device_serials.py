@@ -89,7 +89,7 @@ class Individual:
         """
         if self.is_other_than(who):
             raise OtherIndividual(
-                f"another {self.role} answers: {_words(who)}; the model is of {self}",
+                f"another {self.role} answers: {_words(who)}, but the model is of {self}",
                 serial=who.serial or who.model,
                 device=self.role,
                 command="identify",
@@ -167,7 +167,7 @@ class Individuals:
                 )
         else:
             raise OtherIndividual(
-                f"another {role} answers: {_words(who)}; the record was measured with {known}",
+                f"another {role} answers: {_words(who)}, but the record was measured with {known}",
                 serial=who.serial or who.model,
                 device=role,
                 command="identify",

@@ -472,8 +472,8 @@ def _twisted(
             raise DataError(
                 f"names axis {k}, but alpha_deg of link {k - behind} says that it leans "
                 f"{alpha[k - 1 - behind] / DEG:g} deg against axis {k - 1}.",
-                do=f'Set convention = "{other}" if these numbers are of that one; otherwise name the second of '
-                "two parallel axes: 3 if axes 2 and 3 are parallel, in both conventions.",
+                do=f'Set convention = "{other}" if these numbers are of that one. Otherwise name the second of '
+                "two parallel axes (3 if axes 2 and 3 are parallel, in both conventions).",
                 file=path,
                 key="parallel_axes",
             )

@@ -219,8 +219,8 @@ def _refuse_mixed(
     some = f"{len(names)} of {len(rows)} readings of series '{series}' that were looked at ({listed})"
     if apart.offset is None:
         raise DataError(
-            f"{some} were measured from another station, or with the robot elsewhere: the nominal robot fits them, "
-            f"and the others, each in a separate place; in that of the others it misses them by {apart.miss:.3g} mm.",
+            f"{some} were measured from another station, or with the robot elsewhere. The nominal robot fits them, "
+            f"and the others, each in a separate place. In that of the others it misses them by {apart.miss:.3g} mm.",
             do="Give the readings of each station a separate name in the column series.",
             file=dataset.path,
             key="series",

@@ -514,8 +514,8 @@ def refuse_too_few(dataset: Dataset, model: ModelStructure) -> None:
     if last in model.index and not any(p.size is None for p in tool) and last_joint_unseen(dataset):
         raise DataError(
             "all readings were taken with tool targets on the axis of the last joint, whose turning they cannot see.",
-            do="Measure a second target, some 50 mm or more off that axis; or accept that the last joint keeps its "
-            f'nominal zero: hold = ["{last}"] under [model].',
+            do="Measure a second target, some 50 mm or more off that axis. Otherwise accept that the last joint "
+            f'keeps its nominal zero, with hold = ["{last}"] under [model].',
             file=dataset.path,
             key="tool_targets",
         )

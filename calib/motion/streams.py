@@ -236,7 +236,7 @@ def _refuse_times(time: Array, name: str) -> None:
         at = int(np.argmax(step <= 0.0))
         same = "is given twice" if step[at] == 0.0 else f"is followed by {time[at + 1]:.6g} s"
         raise DataError(
-            f"sample {at + 2}: the time {time[at]:.6g} s {same}; times must increase.",
+            f"sample {at + 2}: the time {time[at]:.6g} s {same}, but times must increase.",
             do=MEND_TIMES,
             file=name,
         )

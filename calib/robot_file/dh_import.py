@@ -223,7 +223,7 @@ def read_table(path: Path) -> DhTable:
         if _cell(path, line, row, at, "beta").value != 0.0:
             raise DataError(
                 "has a beta (Hayati), which no robot file has: it is the nominal arm.",
-                do="Give the maker's own numbers; the errors of one arm belong into a model: truepose identify.",
+                do="Give the maker's own numbers. The errors of one arm belong into a model (truepose identify).",
                 file=path,
                 line=line,
             )

@@ -29,6 +29,7 @@ UNITS: Mapping[str, str] = {
     "UT_RANKING": "1",
 }
 _MOST_BYTES = 50_000_000
+_SAVE_AGAIN = "Save the test again from the ballbar software."
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,17 +100,16 @@ def parse_b5r(data: bytes, where: str = "ballbar test") -> BallbarTest:
         They are not a ballbar test.
     """
     if b"<!ENTITY" in data or "<!ENTITY".encode("utf-16-le") in data:
-        raise ConfigError(f"{where}: declares entities; no ballbar test does")
+        raise ConfigError(f"{where}: declares entities, as no ballbar test does", what_to_do=_SAVE_AGAIN)
     try:
         root = ElementTree.fromstring(data)
     except (ElementTree.ParseError, ValueError, LookupError) as error:
-        raise ConfigError(
-            f"{where}: not XML: {error}", what_to_do="Save the test again from the ballbar software."
-        ) from error
+        raise ConfigError(f"{where}: is no XML ({error})", what_to_do=_SAVE_AGAIN) from error
     features = tuple(_features(root, where))
     plane = root.find(".//PLANE")
     if plane is None or not features:
-        raise ConfigError(f"{where}: has no {'PLANE' if plane is None else 'FEATURE'}; not a ballbar test")
+        lacking = "PLANE" if plane is None else "FEATURE"
+        raise ConfigError(f"{where}: has no {lacking}, unlike a ballbar test", what_to_do=_SAVE_AGAIN)
     return BallbarTest(
         plane=plane.get("TEST_PLANE", "").upper(),
         axes=(_text(plane, "A_AXIS_NAME"), _text(plane, "B_AXIS_NAME")),
@@ -136,12 +136,12 @@ def _features(root: ElementTree.Element, where: str) -> list[Feature]:
         except ValueError as error:
             raise ConfigError(
                 f"{where}: feature {name!r} is {text!r}, not a number",
-                what_to_do="Save the test again from the ballbar software.",
+                what_to_do=_SAVE_AGAIN,
             ) from error
         if not math.isfinite(value):
             raise ConfigError(
                 f"{where}: feature {name!r} is {text!r}, not a finite number",
-                what_to_do="Save the test again from the ballbar software.",
+                what_to_do=_SAVE_AGAIN,
             )
         found.append(Feature(analyses.get(element, ""), name, value, UNITS.get(element.get("DT", ""), "")))
     return found

@@ -83,6 +83,6 @@ def _seconds(url: sa.URL, key: str, usual: int, place: str) -> int:
     given = url.query.get(key, str(usual))
     if not isinstance(given, str) or not given.isdecimal() or len(given) > _DIGITS:
         raise StoreError(
-            f"is {str(given)[:_SHOWN]!r}.", do="Give whole seconds; 0: for ever.", file=place, key=key
+            f"is {str(given)[:_SHOWN]!r}.", do="Give whole seconds, 0 for no limit.", file=place, key=key
         )
     return int(given)

@@ -172,7 +172,9 @@ def trend_command(
     serial: Serial,
     parameter: Annotated[
         str | None,
-        typer.Argument(metavar="PARAMETER", help="Its name, as the model has it; error_rms: the error."),
+        typer.Argument(
+            metavar="PARAMETER", help="Its name, as the model has it, or error_rms for the error."
+        ),
     ] = None,
     store: StoreOption = None,
     model: Model = None,
@@ -223,7 +225,9 @@ def due_command(
     store: StoreOption = None,
     method: Annotated[
         Way,
-        typer.Option(help="staircase: longer after good checks; drift: before it leaves what is permitted."),
+        typer.Option(
+            help="staircase (longer after good checks), or drift (before it exceeds the permitted error)."
+        ),
     ] = Way.staircase,
     first: Annotated[
         float | None, typer.Option(min=1.0, help="Interval before anything is known; 180, of hours 2000.")

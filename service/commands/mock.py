@@ -27,10 +27,10 @@ def mock(
     dialect: Annotated[
         str | None,
         typer.Option(
-            help="Of a device: 'open_abb', 'mappdk' (as fanucpy speaks), 'mbp1-plain'; another lists them."
+            help="Of a device: 'open_abb', 'mappdk' (as fanucpy speaks), 'mbp1-plain'. Another name lists them."
         ),
     ] = None,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Of the first device; 0: a free one.")] = 0,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Of the first device, 0 for a free one.")] = 0,
 ) -> None:
     """Simulate devices until SIGTERM or SIGINT. Prints one JSON line per endpoint."""
     _refuse(name, cell)

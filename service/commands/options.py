@@ -41,7 +41,7 @@ Level = Annotated[
     typer.Option(
         min=1,
         max=3,
-        help="1: joints; 2: geometry; 3: geometry and gravity. Default: as [model] of the header states.",
+        help="1 joints, 2 geometry, 3 geometry and gravity. Default: as [model] of the header states.",
     ),
 ]
 PriorFile = Annotated[
@@ -94,7 +94,7 @@ LargestCorrection = Annotated[
     ),
 ]
 CellName = Annotated[
-    str | None, typer.Option("--cell", metavar="NAME", help="Name of the cell; default: of this computer.")
+    str | None, typer.Option("--cell", metavar="NAME", help="Name of the cell (default: of this computer).")
 ]
 Serial = Annotated[
     str, typer.Option(metavar="SERIAL", help="Serial number of the robot, if its controller reports none.")

@@ -86,7 +86,7 @@ def plan_command(
     poses: Annotated[int, typer.Option(min=1, help="Poses to visit.")] = 10,
     targets: Annotated[
         str | None,
-        typer.Option(metavar="NAMES", help="Targets measured at every pose; default: all of the cell."),
+        typer.Option(metavar="NAMES", help="Targets measured at every pose (default: all of the cell)."),
     ] = None,
     candidates: Annotated[
         int,
@@ -114,13 +114,13 @@ def plan_command(
             "--visits",
             min=1,
             max=20,
-            help="Visits to each pose, alternately from opposite sides; default: the fewest that detect every cause.",
+            help="Visits to each pose, alternately from opposite sides (default: the fewest that detect every cause).",
         ),
     ] = None,
     repeats: Annotated[
         int | None,
         typer.Option(
-            "--readings", min=1, max=100, help="Readings of each target in a visit; default: as --visits."
+            "--readings", min=1, max=100, help="Readings of each target in a visit (default: as --visits)."
         ),
     ] = None,
     touch: Annotated[

@@ -191,7 +191,7 @@ async def put_document(
             raise Problem(
                 403,
                 f"The token of '{cell}' does not name the robot {model}:{serial}.",
-                "Let it name that robot: truepose fleet token allow; then: truepose fleet outbox retry",
+                "Let it name that robot (truepose fleet token allow). Then send again (truepose fleet outbox retry).",
                 code=_OTHER_ROBOT,
             )
     _refuse_ahead(measured_at, request.app.state.now())
@@ -219,7 +219,7 @@ async def put_document(
     if added.other_hashes:
         raise Problem(
             409,
-            f"Another content was sent for '{identity}': {', '.join(added.other_hashes)}; this one is {hash}.",
+            f"Another content was sent for '{identity}': {', '.join(added.other_hashes)}, and this one is {hash}.",
             "Both are kept. Find out which is right: the record of the cell is the truth.",
             code=_CONFLICT,
             hash=hash,
@@ -273,7 +273,7 @@ def get_trend(
     serial: str,
     model: Annotated[str, Query(description="Type, where two robots have one serial number.")] = "",
     parameter: Annotated[
-        str | None, Query(description="This one; left out: all.", examples=["theta2"])
+        str | None, Query(description="This one (left out: all).", examples=["theta2"])
     ] = None,
 ) -> FleetTrendResponse:
     """Return the values of a robot's parameters over time, with U."""
@@ -313,8 +313,8 @@ def _refuse_ahead(measured_at: datetime, now: datetime) -> None:
     if measured_at.tzinfo is not None and measured_at - now > AHEAD:
         raise Problem(
             422,
-            f"measured_at: {measured_at:%Y-%m-%d %H:%M} has not come; by the server it is {now:%Y-%m-%d %H:%M} UTC.",
-            "Set the clock that is wrong, the cell's or the server's; then: truepose fleet outbox retry",
+            f"measured_at: {measured_at:%Y-%m-%d %H:%M} has not come: by the server it is {now:%Y-%m-%d %H:%M} UTC.",
+            "Set the clock that is wrong, the cell's or the server's. Then send again (truepose fleet outbox retry).",
         )
 
 

@@ -256,7 +256,7 @@ def test_a_record_without_a_distance_is_no_data_set(bars: Any, tmp_path: Path) -
     [
         (
             {"block": [{"count": 3}]},
-            "block 1: kind = 'poses' does not go with the qc20w; use kind = 'hexapod'",
+            "block 1: kind = 'poses' does not go with the qc20w",
         ),
         ({"reference_every": 5}, "need an instrument that measures points"),
         ({"block": [{"kind": "hexapod", "base": ["B1", "B2", "B9"]}]}, "not B1, B2, B9"),
@@ -386,8 +386,8 @@ def test_distances_are_repeated(bars: Any) -> None:
     [
         ({"legs": [[["T1", "B1"]]]}, r"block\[0\]\.legs"),
         ({"select": "random", "count": 1, "legs": [[["T1", "B1"]]]}, r"block\[0\]\.legs"),
-        ({"legs": [[["T1", "B9"]], [["T1", "B1"]]]}, "a leg from 'T1' to 'B9'"),
-        ({}, "'repeat' with its legs"),
+        ({"legs": [[["T1", "B9"]], [["T1", "B1"]]]}, "no leg from 'T1' to 'B9'"),
+        ({}, "kind = 'repeat' does not go with the qc20w"),
     ],
 )
 def test_distances_that_cannot_be_repeated(changes: dict[str, Any], words: str) -> None:

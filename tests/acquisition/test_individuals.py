@@ -223,7 +223,7 @@ def test_a_campaign_names_the_one_robot_that_it_is_for(make: Callable[..., Stage
     if simulated:
         assert outcome.state.value == "succeeded"
         return
-    assert "serial number 1; the model is of IRB 120, serial number 12. Give" in outcome.reason
+    assert "serial number 1, but the model is of IRB 120, serial number 12. Give" in outcome.reason
     assert not [call for call in stage.bench.log if call.startswith(MOTIONS)]
 
 

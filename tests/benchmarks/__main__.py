@@ -113,7 +113,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks", description="Ratios and counts")
     parser.add_argument("name", nargs="?", choices=tuple(BENCHMARKS))
     parser.add_argument(
-        "count", nargs="*", help="campaigns; each benchmark has its own default. real_data: sets"
+        "count", nargs="*", help="campaigns (each benchmark has its own default). real_data: sets"
     )
     parser.add_argument("--enter", action="store_true", help="real_data: keep the figures of this run")
     options = parser.parse_args()

@@ -370,11 +370,11 @@ BAD = {
     ),
     "a time that is given twice": (
         lambda m: replace(m, tracker_time=np.repeat(m.tracker_time, 2)[: len(m.points)]),
-        "sample 2: .* is given twice; times must increase",
+        "sample 2: .* is given twice, but times must increase",
     ),
     "a clock that goes back": (
         lambda m: replace(m, robot_time=m.robot_time - 5.0 * (m.robot_time > 80.0)),
-        "sample 4002: the time 80 s is followed by 75.02 s; times must increase",
+        "sample 4002: the time 80 s is followed by 75.02 s, but times must increase",
     ),
     "milliseconds as seconds": (
         lambda m: replace(m, robot_time=m.robot_time * 1e6),

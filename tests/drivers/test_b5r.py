@@ -50,8 +50,8 @@ def test_header_and_features(tmp_path: Path, encoding: str) -> None:
 @pytest.mark.parametrize(
     ("text", "why"),
     [
-        ("", "not XML"),
-        ("<A>", "not XML"),
+        ("", "is no XML"),
+        ("<A>", "is no XML"),
         ("<A/>", "FEATURE|PLANE"),
         ('<A><PLANE TEST_PLANE="XY"/></A>', "FEATURE"),
         (TEXT.replace(" 12.5 ", "12,5"), "AF_CIRCULARITY"),

@@ -244,7 +244,7 @@ def _offset(source: str, line: int, column: int) -> int:
 def main() -> int:
     """Try the chosen changes and print survivors and scores; return 0 if every file is good."""
     parser = argparse.ArgumentParser(prog="python -m tests.sabotage.mutants", description=__doc__)
-    parser.add_argument("--sample", type=int, default=0, help="number per file; 0: all")
+    parser.add_argument("--sample", type=int, default=0, help="number per file, 0 for all")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", default="", metavar="WORD", help="files whose name holds this word")
     parser.add_argument("--jobs", type=int, default=2, help="mutants at a time (%(default)s)")

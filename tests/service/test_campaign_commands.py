@@ -110,7 +110,7 @@ def test_run_status_export(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
         (
             ["run", *arguments, "--simulate"],
             2,
-            "holds this campaign already. Continue it: truepose campaign resume",
+            "holds this campaign already. Continue it (truepose campaign resume",
         ),
         (["resume", str(record)], 2, "Add --simulate"),
         (["resume", str(record), "--simulate"], 1, "finished; nothing to resume"),

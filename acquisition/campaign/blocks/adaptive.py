@@ -188,8 +188,8 @@ def pool_of(block: AdaptiveBlock, site: Site) -> Pool:
     if cell.instrument.one_smr and len(site.targets) > 1:
         raise ConfigError(
             f"block {site.number + 1}: kind = 'adaptive' goes from pose to pose without a person, and the only SMR of "
-            f"this cell would be moved for {', '.join(site.targets)}; name one of them as 'targets', best one that is "
-            "far from the last axis"
+            f"this cell would be moved for {', '.join(site.targets)}",
+            what_to_do="Name one of them as 'targets', best one that is far from the last axis.",
         )
     rng = site.rng(RandomStream.POSE)
 
@@ -225,7 +225,8 @@ def pool_of(block: AdaptiveBlock, site: Site) -> Pool:
                 if block.zone is None:
                     raise
                 raise ConfigError(
-                    f"zone: {error.message}; make the box larger, or move it to where the robot reaches"
+                    f"zone: {error.message}",
+                    what_to_do="Make the box larger, or move it to where the robot reaches.",
                 ) from error
             probes, zone = zone[: len(zone) // 3], zone[len(zone) // 3 :]
     if legs:  # a bar cannot be put between any two places in the zone: some stances are drawn instead

@@ -63,8 +63,8 @@ class BallbarGeometryBlock(Block):
         of_tool, of_base = self._spans(cell, site.targets), self._spans(cell, base)
         if not of_tool and not of_base and self.touch_with is None:
             raise ConfigError(
-                f"block {site.number + 1}: no bar fits between two balls of {', '.join((*site.targets, *base))}; "
-                "look at their positions in the cell file"
+                f"block {site.number + 1}: no bar fits between two balls of {', '.join((*site.targets, *base))}",
+                what_to_do="Check their positions in the cell file.",
             )
         if (ball := self.touch_with) is None:
             return self._measured([*of_tool, *of_base])

@@ -89,7 +89,8 @@ class HexapodBlock(Block):
         if not len(which):
             raise ConfigError(
                 f"block {site.number + 1}: the arm reaches no stance of the legs between {', '.join(base)} and "
-                f"{', '.join(site.targets)}{self._within()}; move the balls, or widen limits_deg"
+                f"{', '.join(site.targets)}{self._within()}",
+                what_to_do="Move the balls, or widen limits_deg.",
             )
         legs = list(zip(found.base[found.outward][which], found.tool[found.outward][which], strict=True))
         sides = site.sides()

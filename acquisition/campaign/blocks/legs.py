@@ -45,8 +45,9 @@ def refuse_unknown_legs(site: Site, rows: Iterable[Iterable[tuple[str, str]]]) -
     for target, base in (leg for legs in rows for leg in legs):
         if target not in site.cell.tool.targets or base not in site.cell.nests:
             raise ConfigError(
-                f"block {site.number + 1}: a leg from {target!r} to {base!r}; the cell has the targets "
-                f"{', '.join(site.cell.tool.targets)} and the balls {', '.join(site.cell.nests)}"
+                f"block {site.number + 1}: the cell has no leg from {target!r} to {base!r}",
+                what_to_do=f"Use the targets {', '.join(site.cell.tool.targets)} and the balls "
+                f"{', '.join(site.cell.nests)}.",
             )
 
 

@@ -47,14 +47,14 @@ class PathBlock(Chosen):
     def visits_at(self, site: Site) -> list[BlockVisit]:
         if len(site.targets) != 1:
             raise ConfigError(
-                f"block {site.number + 1}: a path is followed by one target; "
-                f"write targets = ['{site.targets[0]}'] or another one"
+                f"block {site.number + 1}: a path is followed by one target",
+                what_to_do=f"Write targets = ['{site.targets[0]}'] or another one.",
             )
         fastest = site.cell.robot.speed_deg_s
         if self.speed_deg_s is not None and self.speed_deg_s > fastest:
             raise ConfigError(
-                f"block {site.number + 1}: speed_deg_s = {self.speed_deg_s:g} is faster than the cell allows; write at "
-                f"most {fastest:g}, or raise [robot] speed_deg_s of the cell file"
+                f"block {site.number + 1}: speed_deg_s = {self.speed_deg_s:g} is faster than the cell allows",
+                what_to_do=f"Write at most {fastest:g}, or raise [robot] speed_deg_s of the cell file.",
             )
         first, *rest = (pose.joints_deg for pose in self.poses(site, None))
         sides = site.sides()

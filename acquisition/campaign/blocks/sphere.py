@@ -117,8 +117,8 @@ class SphereBlock(Block):
             tried *= 2
         if not len(found):
             raise ConfigError(
-                f"block {site.number + 1}: the arm reaches no point of the sphere; teach another centre, raise "
-                f"above_deg, or turn {site.targets[0]} to the instrument"
+                f"block {site.number + 1}: the arm reaches no point of the sphere",
+                what_to_do=f"Teach another centre, raise above_deg, or turn {site.targets[0]} to the instrument.",
             )
         if len(found) >= self.count:
             chosen = np.round(np.linspace(0, len(found) - 1, self.count)).astype(int)

@@ -200,7 +200,8 @@ def _drawn(site: Site, turns: list[_Turn], usual: tuple[int, ...]) -> Joints:
     raise ConfigError(
         f"block {site.number + 1}: no posture was found from which joint "
         f"{', '.join(str(turn.joint) for turn in turns)} can turn so far with "
-        f"{', '.join(site.targets)} in sight; make the range smaller, or say at_deg and targets"
+        f"{', '.join(site.targets)} in sight",
+        what_to_do="Make the range smaller, or state at_deg and targets.",
     )
 
 

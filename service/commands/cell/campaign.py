@@ -149,7 +149,9 @@ def resume_command(
     if was_simulated != simulate:
         made = "on simulated devices" if was_simulated else "on real devices"
         do = "Add --simulate." if was_simulated else "Leave --simulate out, or start a new record."
-        raise ConfigError(f"{record}: was measured {made}; both do not belong into one record", what_to_do=do)
+        raise ConfigError(
+            f"{record}: was measured {made}, and both do not belong into one record", what_to_do=do
+        )
     note_if_others_read(record)
     with Run.open(record) as run:
         if run.status().state != "ready":  # one that never began needs no permission to go on
@@ -377,12 +379,12 @@ def _refuse_begun(record: Path, cell: Cell, campaign: Campaign) -> None:
     if edited:
         raise RecordError(
             f"{record}: was begun with another {' and another '.join(edited)} than the file says now",
-            what_to_do="Give a new folder to measure what the files say; "
-            f"to continue the campaign as it was begun: {go_on}",
+            what_to_do="Give a new folder to measure what the files say. "
+            f"To continue the campaign as it was begun: {go_on}",
         )
     raise RecordError(
         f"{record}: holds this campaign already",
-        what_to_do=f"Continue it: {go_on}; or give a new folder to measure it again.",
+        what_to_do=f"Continue it ({go_on}), or give a new folder to measure it again.",
     )
 
 

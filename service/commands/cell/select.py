@@ -37,7 +37,7 @@ def select(
     ] = ",".join(DEFAULT_GROUPS),
     targets: Annotated[
         str | None,
-        typer.Option(metavar="NAMES", help="Targets measured at every pose; default: all of the cell."),
+        typer.Option(metavar="NAMES", help="Targets measured at every pose (default: all of the cell)."),
     ] = None,
     offset_deg: Annotated[
         float,

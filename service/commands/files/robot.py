@@ -71,7 +71,7 @@ RobotArgument = Annotated[
 ]
 ConventionOption = Annotated[
     ConventionName | None,
-    typer.Option(help="dh: the standard one; mdh: the modified one, of Craig."),
+    typer.Option(help="Standard (dh) or modified (mdh, of Craig)."),
 ]
 
 MassOption = Annotated[
@@ -96,8 +96,8 @@ def new_command(
         list[str] | None,
         typer.Option(
             metavar="NUMBERS",
-            help="A row of the table: alpha deg, a mm, theta deg, d mm, lowest, highest; 'slides' before them for a "
-            "joint that slides. One --link a joint.",
+            help="A row of the table: alpha deg, a mm, theta deg, d mm, lowest, highest, with 'slides' before them for "
+            "a joint that slides. One --link per joint.",
         ),
     ] = None,
     source: Annotated[str | None, typer.Option(help="Where the numbers come from.")] = None,

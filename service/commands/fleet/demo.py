@@ -47,7 +47,7 @@ def demo_command(
     ] = Path("fleet-demo"),
     store: Annotated[
         str | None,
-        typer.Option(metavar="URL", help="postgresql://USER@HOST/NAME; default: an SQLite file in DIR."),
+        typer.Option(metavar="URL", help="postgresql://USER@HOST/NAME (default: an SQLite file in DIR)."),
     ] = None,
     cells: Annotated[int, typer.Option(min=1, max=20, help="Simulated cells.")] = 3,
     workers: Annotated[int, typer.Option(min=1, max=64, help="Processes that diagnose.")] = 2,

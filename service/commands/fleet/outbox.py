@@ -61,7 +61,7 @@ def list_command(folder: Folder, json: options.Json = None) -> None:
 def retry_command(
     folder: Folder,
     hash: Annotated[
-        str, typer.Argument(metavar="[HASH]", help="Only those that begin so; default: all.")
+        str, typer.Argument(metavar="[HASH]", help="Only those that begin so (default: all).")
     ] = "",
 ) -> None:
     """Send documents again that were set aside. Files that were not taken are read again."""

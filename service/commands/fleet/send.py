@@ -47,7 +47,7 @@ def send_command(
     every: Annotated[
         float | None,
         typer.Option(
-            metavar="S", min=0.1, help="Look for new documents every S seconds, until Ctrl-C; default: once."
+            metavar="S", min=0.1, help="Look for new documents every S seconds, until Ctrl-C (default: once)."
         ),
     ] = None,
     json: options.Json = None,

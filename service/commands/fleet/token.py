@@ -35,7 +35,7 @@ def add_command(
     name: Name,
     file: File,
     role: Annotated[
-        May, typer.Option(help="cell: puts documents in under its name; viewer: reads everything.")
+        May, typer.Option(help="A cell puts documents in under its name, a viewer reads everything.")
     ] = "cell",
     robot: Robots = None,
 ) -> None:

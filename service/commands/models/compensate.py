@@ -44,7 +44,7 @@ def compensate_command(
         str | None,
         typer.Option(
             metavar="KEY=VALUE,...",
-            help="side, approach, temperature, time, mass, cog, series; default: those of the model.",
+            help="side, approach, temperature, time, mass, cog, series (default: those of the model).",
         ),
     ] = None,
     tool: Annotated[

@@ -30,7 +30,7 @@ def regress_command(
     features: Annotated[
         str | None,
         typer.Option(
-            help=f"{', '.join(SETS)}; default: the smallest set that holds the arm at these samples."
+            help=f"{', '.join(SETS)} (default: the smallest set that holds the arm at these samples)."
         ),
     ] = None,
     on: Annotated[str, typer.Option(help="residuals of the model, or absolute positions.")] = "residuals",

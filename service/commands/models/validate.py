@@ -29,7 +29,7 @@ def validate_command(
     data: options.Data,
     model: Annotated[
         Path | None,
-        typer.Option(metavar="M.json", help="Judge this saved model; without it: hold-outs side by side."),
+        typer.Option(metavar="M.json", help="Judge this saved model (without it: hold-outs side by side)."),
     ] = None,
     compare: Annotated[
         Path | None,

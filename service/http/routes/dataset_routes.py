@@ -94,7 +94,7 @@ def propose_map(
         str,
         Form(
             max_length=200,
-            description="The built-in robot that was measured; empty: not known yet.",
+            description="The built-in robot that was measured, empty if it is not known yet.",
             examples=["ur5"],
         ),
     ] = "",

@@ -43,8 +43,8 @@ Permitted = Annotated[
 Way = Annotated[
     Literal["staircase", "drift"],
     Query(
-        description="Method of ILAC-G24. staircase: longer after good checks; drift: before the error leaves what is "
-        "permitted.",
+        description="Method of ILAC-G24: staircase (longer after good checks), or drift (before the error exceeds the "
+        "permitted one).",
         examples=["staircase"],
     ),
 ]
@@ -126,7 +126,7 @@ def get_trends(
         str,
         Query(
             max_length=200,
-            description="Its name, as the model has it; error_rms: the position error; left out: all.",
+            description="Its name, as the model has it, or error_rms for the position error. Left out: all.",
             examples=["error_rms"],
         ),
     ] = "",

@@ -28,7 +28,10 @@ LeaseId = Annotated[
 Wait = Annotated[
     int,
     Query(
-        ge=0, le=60, description="Wait so long for a version beyond `after`, s; 0: at once.", examples=[20]
+        ge=0,
+        le=60,
+        description="Wait so long for a version beyond `after`, s. With 0, at once.",
+        examples=[20],
     ),
 ]
 After = Annotated[

@@ -38,11 +38,13 @@ def campaign_of(table: Mapping[str, Any], models: Mapping[str, Path] = MappingPr
         if not isinstance(block, Mapping):
             continue
         if block.get("select") == "file":
-            raise ConfigError("campaign, key 'block': select = 'file' reads files of the server; send a list")
+            raise ConfigError(
+                "campaign, key 'block': select = 'file' reads files of the server", what_to_do="Send a list."
+            )
         if isinstance(model := block.get("model"), str) and model not in models:
             raise ConfigError(
-                f"campaign, key 'block': model = {model!r} cannot be used here; in a run it is the id of a job or loop "
-                "of this service that has found a model"
+                f"campaign, key 'block': model = {model!r} cannot be used here",
+                what_to_do="In a run, give the id of a job or loop of this service that has found a model.",
             )
         count += block["count"] if isinstance(block.get("count"), int) else 0
     if count > MOST_POSES:

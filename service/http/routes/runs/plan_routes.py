@@ -28,7 +28,7 @@ Joints = Annotated[
     str,
     Query(
         max_length=400,
-        description="Joint angles of the robot, deg, with commas; none: at home.",
+        description="Joint angles of the robot, deg, with commas (none: at home).",
         examples=["0,20,-30,0,45,0"],
     ),
 ]

@@ -108,7 +108,7 @@ _AT_ONCE = 20  # events of a stream before others have their turn
 LastEventId = Annotated[
     str,
     Header(
-        description="The `id` of the last event that is known; left out: from the first.", examples=["412"]
+        description="The `id` of the last event that is known (left out: from the first).", examples=["412"]
     ),
 ]
 

@@ -57,7 +57,8 @@ def create_alignment(
     tool_y_mm: Annotated[float, _millimetres("y")],
     tool_z_mm: Annotated[float, _millimetres("z")],
     tool_known: Annotated[
-        bool, Form(description="True: that place is exact; false: it is fitted as well.", examples=[False])
+        bool,
+        Form(description="Whether that place is exact. Otherwise it is fitted as well.", examples=[False]),
     ] = False,
     slower_than_mm_s: Annotated[
         float,

@@ -89,7 +89,7 @@ def correct_program(
             ge=0.0,
             le=1e4,
             allow_inf_nan=False,
-            description="Refuse targets that the model knows less well than this (95 %), mm; 0: none.",
+            description="Refuse targets that the model knows less well than this (95 %), mm. With 0, none.",
             examples=[0.2],
         ),
     ] = 0.0,
