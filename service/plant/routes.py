@@ -313,7 +313,7 @@ def _refuse_ahead(measured_at: datetime, now: datetime) -> None:
     if measured_at.tzinfo is not None and measured_at - now > AHEAD:
         raise Problem(
             422,
-            f"measured_at: {measured_at:%Y-%m-%d %H:%M} has not come: by the server it is {now:%Y-%m-%d %H:%M} UTC.",
+            f"measured_at: {measured_at:%Y-%m-%d %H:%M} is in the future (the server has {now:%Y-%m-%d %H:%M} UTC).",
             "Set the clock that is wrong, the cell's or the server's. Then send again (truepose fleet outbox retry).",
         )
 
