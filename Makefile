@@ -11,7 +11,7 @@ BIN := $(VENV)/bin
 # One BLAS thread: two spin against each other on a busy two-core machine (CONTRIBUTING.md).
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test suite check style types docs notebooks pictures counterparts fuzz conformance sabotage mutants steady long bench figures clean
+.PHONY: demo test suite check style types docs notebooks pictures counterparts fuzz conformance sabotage mutants steady simulation long bench figures clean
 .DEFAULT_GOAL := test
 
 # The stamp lives inside the environment, so deleting the environment deletes the stamp.
@@ -86,7 +86,11 @@ steady: $(VENV)/.installed
 	$(BIN)/python -m tests.steady --times $(TIMES) --busy 4 --log .steady.jsonl
 
 # What is run before an issue is closed, beside `make test`; half a night.
-long: types notebooks conformance sabotage mutants steady
+# Histories of a cell and its service that no test has seen yet: an hour from a seed that is printed.
+simulation: $(VENV)/.installed
+	$(BIN)/python -m tests.simulation --minutes 60 --seed $$(date +%s)
+
+long: types notebooks conformance sabotage mutants steady simulation
 	$(BIN)/python -m pytest tests/drivers -k test_any --hypothesis-profile=fuzz-short --timeout=0
 	$(BIN)/python -m pytest -m whole --whole
 	TRUEPOSE_KILLS=20 $(BIN)/python -m pytest tests/end_to_end/test_campaign_kill.py

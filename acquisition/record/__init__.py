@@ -1,6 +1,6 @@
 """The record of a campaign: durable, sealed row by row, with functions that read it."""
 
-from acquisition.record.database import FILE, is_begun, sha256_of
+from acquisition.record.database import FILE, LOCK, is_begun, is_owned, sha256_of
 from acquisition.record.device_serials import DeviceAcceptance, individual_of
 from acquisition.record.export import export, export_events, planned_header
 from acquisition.record.merge import export_together
@@ -12,6 +12,7 @@ from acquisition.record.verification import Verification
 
 __all__ = [
     "FILE",
+    "LOCK",
     "DeviceAcceptance",
     "Event",
     "RecordStore",
@@ -23,6 +24,7 @@ __all__ = [
     "export_together",
     "individual_of",
     "is_begun",
+    "is_owned",
     "planned_header",
     "rescue",
     "salvage",

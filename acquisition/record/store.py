@@ -77,16 +77,20 @@ class RecordStore:
             The file cannot be written.
         """
         store = cls(Database(folder, writer=True, new=True))
-        with store.changing() as db:
-            db.execute(
-                "INSERT INTO campaign (id, name, created_utc, simulated, cell, campaign, state, owner) "
-                "VALUES (?, ?, ?, ?, ?, ?, 'draft', ?)",
-                (uuid.uuid4().hex, name, store.moment().utc, int(simulated), cell, campaign, store._owner),
-            )
-            store.seals.campaign(db)
-            store._plan(db, visits)
-            store.note(db, "created", name=name, visits=len(visits), sqlite=sqlite3.sqlite_version)
-            store.change_state(db, State.READY, "")
+        try:
+            with store.changing() as db:
+                db.execute(
+                    "INSERT INTO campaign (id, name, created_utc, simulated, cell, campaign, state, owner) "
+                    "VALUES (?, ?, ?, ?, ?, ?, 'draft', ?)",
+                    (uuid.uuid4().hex, name, store.moment().utc, int(simulated), cell, campaign, store._owner),
+                )
+                store.seals.campaign(db)
+                store._plan(db, visits)
+                store.note(db, "created", name=name, visits=len(visits), sqlite=sqlite3.sqlite_version)
+                store.change_state(db, State.READY, "")
+        except BaseException:  # otherwise its lock would stay
+            store.close()
+            raise
         return store
 
     @classmethod

@@ -9,7 +9,7 @@ from typing import Any
 
 from acquisition import RunStatus, State
 from acquisition.errors import DamagedRecord, RecordError, RecordInUse, StorageError
-from acquisition.record import FILE, RecordStore, salvage
+from acquisition.record import FILE, LOCK, RecordStore, is_begun, is_owned, salvage
 from drivers.errors import AcquisitionError
 from service.http.runs.run_document import run_document
 from service.wording import counted
@@ -24,6 +24,13 @@ def holds_a_record(folder: Path) -> bool:
         return (folder / FILE).exists()
     except OSError:
         return True
+
+
+def was_cut_off(folder: Path) -> bool:
+    """Return whether the making of a record was interrupted before it held a campaign, and nothing else is there."""
+    if not holds_a_record(folder) or is_begun(folder) or is_owned(folder):
+        return False
+    return all(each.name.startswith(FILE) or each.name == LOCK for each in folder.iterdir())
 
 
 def look_through(folder: Path) -> None:

@@ -39,7 +39,7 @@ from acquisition.record import DeviceAcceptance, is_begun
 from acquisition.run import NEVER_ASKED, ON_REQUEST, ROLES, DeviceCondition, KnownDevice
 from drivers.errors import AcquisitionError, LinkError, LinkLost
 from service.http.runs import dry_runs, errors
-from service.http.runs.damage import Damaged, look_through
+from service.http.runs.damage import Damaged, look_through, was_cut_off
 from service.http.runs.dry_runs import DryRuns
 from service.http.runs.execution import RobotThread
 from service.http.runs.run_document import run_document
@@ -92,6 +92,9 @@ class RunManager:
         folder = self._folder / name
         with self._damaged.met(name):
             if self._dry_runs.document(name) is not None:
+                return
+            if was_cut_off(folder):  # no client was told of it
+                shutil.rmtree(folder)
                 return
             look_through(folder)
             self.last = self.last or name  # the newest comes first
@@ -244,7 +247,11 @@ class RunManager:
         devices = self._open_devices(cell)
         run_id = new_id()
         folder, title = self._folder / run_id, name or cell.name
-        run = Run.create(folder, cell, campaign, simulated=self._simulated, name=title, visits=visits)
+        try:
+            run = Run.create(folder, cell, campaign, simulated=self._simulated, name=title, visits=visits)
+        except BaseException:  # a full disk
+            shutil.rmtree(folder, ignore_errors=True)
+            raise
         try:
             with self._mutex:
                 self.refuse_busy()
@@ -542,6 +549,7 @@ class RunManager:
             if not self.join(REST_S):
                 self.get(name).halt()
                 self.join(STOP_S)
+        self.compute.close()
         with self._mutex:
             for run in self._runs.values():
                 run.close()
@@ -583,3 +591,7 @@ class RunComputations:
     def __call__(self, function: Callable[[Path], T], record: Path, /) -> Future[T]:
         """Begin one; its future raises AcquisitionError, Problem, WorkerDied."""
         return self._thread.submit(self._workers.call, function, record)
+
+    def close(self) -> None:
+        """Begin none any more; whoever waits for one that has not begun is told that it is cancelled."""
+        self._thread.shutdown(wait=False, cancel_futures=True)

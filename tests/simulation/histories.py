@@ -1,0 +1,602 @@
+"""One history: a cell, its service, the people and programs that use it, and everything that goes wrong.
+
+All of it comes from the seed. The devices are the simulators of `mocks`, behind their own wires. A history is a list
+of steps, each at its time: what a person orders, or what breaks. It ends in peace: nothing breaks any more, somebody
+resumes what rests and answers what is asked, and every campaign must come to its end.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import shutil
+import sqlite3
+import traceback
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from random import Random
+from typing import Any
+
+from acquisition import read_cell
+from acquisition.record import FILE
+from mocks.cell import CellThread
+from mocks.cell_file import read_cell as read_simulated_cell
+from tests.simulation import modules
+from tests.simulation.programs import Answer, Disk, Program
+from tests.simulation.scheduler import Process, Scheduler
+from tests.simulation.wires import Network
+
+FOLDER = Path("/dev/shm" if os.path.isdir("/dev/shm") else "/tmp") / "truepose-simulation"
+CELL = """
+format = "truepose-cell/1"
+name = "simulated"
+[robot]
+model = "abb-irb120"
+driver = "abb"
+url = "tcp://127.0.0.1:ROBOT"
+speed_mm_s = 500.0
+speed_deg_s = 20.0
+limits_deg = [[-90, 90], [0, 110], [-80, 70], [-150, 150], [-90, 90], [-180, 180]]
+table_z_mm = 20.0
+[instrument]
+driver = "faro"
+url = "tcp://127.0.0.1:TRACKER"
+station_mm = [2400.0, -900.0, 350.0]
+one_smr = ONE_SMR
+[world]
+nests = { N1 = [0.0, 0.0, 0.0], N2 = [600.0, 0.0, 0.0], N3 = [0.0, 600.0, 0.0] }
+[tool]
+targets = { T1 = [0.0, 0.0, 125.0] }
+mass_kg = 2.7
+cog_mm = [50.0, 25.0, 100.0]
+[simulation]
+seed = 1
+serial = "120-500001"
+effects = ["none"]
+"""
+POSES = [
+    [10.0, 50.0, -20.0, 20.0, 30.0, 10.0],
+    [-25.0, 45.0, -10.0, -40.0, 35.0, 60.0],
+    [30.0, 60.0, -30.0, 5.0, 40.0, 0.0],
+]
+OFFSET_DEG = -5.0
+CAMPAIGN = {
+    "format": "truepose-campaign/1",
+    "seed": 1,
+    "settle_s": 0.5,
+    "samples": 10,
+    "approach": {"offset_deg": OFFSET_DEG, "sides": "one"},
+    "block": [{"kind": "poses", "set": "calibration", "select": "list", "joints_deg": POSES}],
+}
+ALLOWED = [*POSES, *([q + OFFSET_DEG for q in pose] for pose in POSES)]
+
+REFERENCE: dict[
+    int, tuple[float, float, float]
+] = {}  # where the target is at each planned reading, from a calm run
+SECONDS = 45.0  # in which things happen; a campaign takes 20 s
+PEACE_S = 600.0  # within which everything must have ended then
+PEOPLE = ("anna", "bert")
+AT_REST_S = 0.5  # from the acknowledgement of a stop
+GRACE_S = 0.5  # from the end of a lease to the last motion that may begin
+ORDERS = {
+    "start": 10,
+    "take": 10,
+    "beat": 6,
+    "resume": 12,
+    "pause": 5,
+    "stop": 6,
+    "answer": 10,
+    "take over": 2,
+    "give back": 1,
+    "finish": 1,
+    "restation": 1,
+    "delete": 1,
+    "export": 2,
+    "look": 4,
+    "dry run": 1,
+}
+FAULTS = {
+    "cut": 6,
+    "silence": 3,
+    "slow": 3,
+    "refuse": 2,
+    "emergency stop": 2,
+    "reboot": 2,
+    "clock": 2,
+    "full disk": 2,
+    "kill": 4,
+    "end": 2,
+}
+
+
+@dataclass(frozen=True)
+class Step:
+    """One thing that happens: at a time, s, by a person or to a part; `draw` seeds what else it needs."""
+
+    at_s: float
+    what: str
+    who: str = ""
+    draw: int = 0
+
+    def __str__(self) -> str:
+        return f"{self.at_s:8.3f} s  {self.who or '-'}: {self.what}"
+
+
+def steps_of(seed: int) -> list[Step]:
+    """Draw the steps of a seed."""
+    draw = Random(f"steps {seed}")
+    steps = [
+        Step(0.0, "take", "anna", draw.randrange(2**30)),
+        Step(0.5, "start", "anna", draw.randrange(2**30)),
+    ]
+    for names, most, people in ((ORDERS, 30, PEOPLE), (FAULTS, draw.choice([0, 1, 3, 8]), ("",))):
+        for _ in range(draw.randint(0, most)):
+            (what,) = draw.choices(list(names), list(names.values()))
+            steps.append(
+                Step(round(draw.uniform(0.0, SECONDS), 3), what, draw.choice(people), draw.randrange(2**30))
+            )
+    return sorted(steps, key=lambda step: step.at_s)
+
+
+@dataclass
+class Person:
+    """Someone at the page of a service, who holds its lease or not."""
+
+    name: str
+    program: Program
+    lease_id: str = ""
+    seconds: float = 300.0
+
+
+@dataclass
+class Order:
+    """A stop or pause that the service has acknowledged, and that nobody has lifted since."""
+
+    verb: str
+    at_s: float
+    motions: int = 0  # since then
+
+
+@dataclass
+class History:
+    """One seed from an empty record to the end of the last campaign.
+
+    Attributes
+    ----------
+    found
+        What must never happen, and did.
+    """
+
+    seed: int
+    steps: Sequence[Step]
+    found: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        draw = Random(f"world {self.seed}")
+        self.scheduler = Scheduler(self.seed, draw.choice([0.0, 0.02, 0.1, 0.3]))
+        self.network = Network(self.scheduler)
+        self.disk = Disk()
+        self._one_smr, self._two = draw.random() < 0.5, draw.random() < 0.3
+        self._cell: CellThread
+        self._people: dict[str, Person] = {}
+        self._programs: list[Program] = []
+        self._orders: dict[str, Order] = {}  # the stop or pause of a run that holds
+        self._resuming: list[
+            str
+        ] = []  # runs of such orders that are under way: one may lift a stop at any moment
+        self._readings: dict[str, dict[int, tuple[Any, ...]]] = {}
+        self._answers: dict[
+            tuple[str, str], str
+        ] = {}  # to prompts, by run and prompt, that were acknowledged
+        self._starts: set[str] = set()  # keys of the orders to start a run
+        self._gone: set[str] = set()  # runs that somebody has deleted
+        self._peaceful = False
+        self._doing = 0
+        self.campaigns = 0  # that have ended
+
+    @property
+    def log(self) -> list[str]:
+        """What happened, the same on every machine."""
+        return [line.replace(str(self._folder), "FOLDER") for line in self.scheduler.log]
+
+    def find(self, text: str) -> None:
+        """Note what must never happen."""
+        self.scheduler.note(f"WRONG: {text}")
+        self.found.append(f"{self.scheduler.now:.3f} s: {text}")
+
+    def run(self) -> History:
+        modules.WORLD.scheduler, modules.WORLD.network, modules.WORLD.disk = (
+            self.scheduler,
+            self.network,
+            self.disk,
+        )
+        self._folder = FOLDER / str(os.getpid())
+        shutil.rmtree(self._folder, ignore_errors=True)
+        self._folder.mkdir(parents=True)
+        files = len(os.listdir("/proc/self/fd"))
+        try:
+            self.scheduler.run(self._main)
+            left = [f"{each.process.name}/{each.name}" for each in self.scheduler.tasks.values()]
+            if left:
+                self.found.append(f"threads are left: {', '.join(left)}")
+            killed = any(step.what == "kill" for step in self.steps)  # whose files no one closes
+            if (more := len(os.listdir("/proc/self/fd")) - files) > 0 and not killed:
+                self.found.append(f"{more} files are left open")
+        except Exception as error:  # noqa: BLE001 - a deadlock, or a fault of the harness: both are findings
+            self.found.append("".join(traceback.format_exception(error)))
+        self.found += self.network.died
+        shutil.rmtree(self._folder, ignore_errors=True)
+        return self
+
+    # -- the cell ------------------------------------------------------------------------------------------
+
+    def _main(self) -> None:
+        file = self._folder / "cell.toml"
+        text = CELL.replace("ONE_SMR", str(self._one_smr).lower())
+        file.write_text(text.replace("ROBOT", "5000").replace("TRACKER", "5701"), "utf-8")
+        up, over, ended = modules.Event(), modules.Event(), modules.Event()
+
+        def devices() -> None:
+            with CellThread(read_simulated_cell(file), devices=("abb", "faro")) as cell:
+                self._cell = cell
+                up.set()
+                over.wait()
+            ended.set()
+
+        self.scheduler.spawn("devices", devices, Process("devices"))
+        up.wait()
+        ports = {end.device: end.port for end in self._cell.endpoints}
+        text = text.replace("ROBOT", f"{ports['abb']}?background={ports['abb-background']}")
+        file.write_text(text.replace("TRACKER", str(ports["faro"])), "utf-8")
+        assert self._cell.cell is not None
+        arm = self._cell.cell.arm
+        begin = arm.start
+
+        def started(target: Sequence[float], **rates: float) -> None:
+            self._moves(target)
+            begin(target, **rates)
+
+        arm.start = started  # type: ignore[method-assign]
+        self._robot_port = ports["abb"]
+        for name in ("service", "other")[: 2 if self._two else 1]:
+            self._programs.append(Program(self, name, self._folder / name, read_cell(file)))
+            self._programs[-1].start()
+        self._people = {
+            name: Person(name, each) for name, each in zip(PEOPLE, 2 * self._programs, strict=False)
+        }
+        for number, step in enumerate(self.steps):
+            self.scheduler.at(step.at_s, lambda step=step, number=number: self._begin(step, number))
+        self.scheduler.sleep(SECONDS)
+        self._peace()
+        for each in self._programs:
+            each.end()
+        over.set()
+        ended.wait()
+        self.scheduler.sleep(10.0)  # for the last lines of every thread
+
+    def _moves(self, target: Sequence[float]) -> None:
+        """Judge a motion that begins."""
+        now = self.scheduler.now
+        self.scheduler.note(f"moves to {[round(q, 3) for q in target]}")
+        if not any(all(abs(a - b) < 1e-3 for a, b in zip(target, each, strict=True)) for each in ALLOWED):
+            self.find(f"the robot moves to {list(target)}, which no plan has")
+        at_it = {
+            client.process.name
+            for wire, client, _ in self.network.wires
+            if client.open and wire.port == self._robot_port and client.process.alive
+        }
+        if len(at_it) != 1:
+            self.find(f"the robot moves, and connected to it are: {', '.join(sorted(at_it)) or 'none'}")
+            return
+        program = next(each for each in self._programs if each.name in at_it)
+        held = program.service.lease.current
+        left = -1.0 if held is None else held.beats.left_s
+        if left < -GRACE_S:
+            self.find(
+                f"the robot moves, and the lease {'is not held' if held is None else f'ended {-left:.3f} s ago'}"
+            )
+        order = self._orders.get(program.service.book.busy_with)
+        if order is not None and now > order.at_s:
+            order.motions += 1
+            if order.motions > (0 if order.verb == "stop" else 2):  # of the current reading
+                self.find(f"the robot moves, {now - order.at_s:.3f} s after the {order.verb} of its run")
+
+    # -- steps ---------------------------------------------------------------------------------------------
+
+    def _begin(self, step: Step, number: int) -> None:
+        if self._peaceful:
+            return
+        self._doing += 1
+
+        def work() -> None:
+            try:
+                self.scheduler.note(f"{step.what} begins")
+                draw = Random(step.draw)
+                if step.who:
+                    self._order(self._people[step.who], step.what, draw, f"{number}")
+                else:
+                    self._break(step.what, draw)
+            finally:
+                self._doing -= 1
+
+        self.scheduler.spawn(f"{step.who or 'fault'} {number}", work, self.scheduler.harness)
+
+    def _ask(
+        self, person: Person, draw: Random, key: str, method: str, path: str, body: Any = None
+    ) -> Answer:
+        """Send a request on a bad network: it, or its answer, may be lost, and then it is sent again."""
+        headers, program = {"Lease_Id": person.lease_id, "Idempotency_Key": key}, person.program
+        for _ in range(3):
+            if draw.random() < 0.05:  # lost on the way
+                self.scheduler.sleep(draw.uniform(0.1, 3.0))
+                continue
+            if draw.random() < 0.05:  # sent twice at once
+                self.scheduler.spawn(
+                    "twin", lambda: self._noted(program, method, path, body, headers), self.scheduler.harness
+                )
+            answer = self._noted(program, method, path, body, headers)
+            if draw.random() >= 0.05:
+                return answer
+            self.scheduler.sleep(draw.uniform(0.1, 3.0))  # the answer is lost
+        return Answer()
+
+    def _noted(self, program: Program, method: str, path: str, body: Any, headers: dict[str, str]) -> Answer:
+        """Send a request, and note what it allows or forbids the robot."""
+        run, _, order = path.removeprefix("/runs/").partition("/")
+        if order in ("resume", "restation"):
+            self._resuming.append(run)
+            self._orders.pop(run, None)
+        elif path == "/runs" and method == "POST" and not body["dry_run"]:
+            self._starts.add(headers["Idempotency_Key"])
+        answer = program.ask(method, path, body, **headers)
+        self.scheduler.note(f"{method} {path}: {answer.status} {_short(answer)}")
+        if order in ("resume", "restation"):
+            self._resuming.remove(run)
+            self._orders.pop(run, None)  # it may have come to the robot at any moment until now
+        elif answer.status == 202 and order in ("stop", "pause") and run not in self._resuming:
+            if not answer.body.get("problems") and (order == "stop" or run not in self._orders):
+                self._orders[run] = Order(order, self.scheduler.now)
+                if order == "stop":
+                    self._must_rest(program, run)
+        elif answer.status == 200 and order.startswith("prompts/"):
+            _, prompt, verb = order.split("/")
+            self._answers.setdefault((run, prompt), verb)
+        return answer
+
+    def _must_rest(self, program: Program, run: str) -> None:
+        """Look whether the robot is at rest soon after a stop, if it moves for the run that was stopped."""
+        assert self._cell.cell is not None
+        arm, moves = self._cell.cell.arm, len(self._cell.cell.arm.sent_to)
+
+        def look() -> None:
+            if arm.moving and len(arm.sent_to) == moves:
+                self.find(f"the robot moves on, {AT_REST_S:g} s after a stop was acknowledged")
+
+        if program.alive and program.service.book.busy_with == run:
+            self.scheduler.at(self.scheduler.now + AT_REST_S, look)
+
+    def _run_in_view(self, program: Program, draw: Random) -> dict[str, Any] | None:
+        real = self._runs_of(program)
+        return draw.choice(real[:2]) if real else None
+
+    def _runs_of(self, program: Program) -> list[dict[str, Any]]:
+        runs = (program.ask("GET", "/runs").body or {}).get("runs") or []
+        return [run for run in runs if not run["dry_run"]]
+
+    def _order(self, person: Person, what: str, draw: Random, number: str) -> None:
+        key = f"{person.name}-{number}"
+
+        def ask(method: str, path: str, body: Any = None) -> Answer:
+            return self._ask(person, draw, key, method, path, body)
+
+        if what in ("take", "take over", "beat"):
+            if what == "take":
+                person.seconds = draw.choice([3.0, 10.0, 300.0, 300.0])
+            path = "/cell/lease/takeover" if what == "take over" else "/cell/lease"
+            body = {"holder": person.name, "seconds": person.seconds}
+            answer = ask("POST", path, body | ({"reason": "mine"} if what == "take over" else {}))
+            if answer.status == 409:  # that of an earlier lease
+                person.lease_id = ""
+            if answer.status == 200 and answer.body["lease_id"]:
+                person.lease_id = answer.body["lease_id"]
+        elif what == "give back":
+            ask("DELETE", "/cell/lease")
+        elif what in ("start", "dry run"):
+            ask("POST", "/runs", {"campaign": CAMPAIGN, "dry_run": what == "dry run"})
+        elif (run := self._run_in_view(person.program, draw)) is not None:
+            where = f"/runs/{run['id']}"
+            if what == "resume":
+                ask("POST", f"{where}/resume", {})
+            elif what in ("pause", "stop"):
+                ask("POST", f"{where}/{what}")
+            elif what in ("finish", "restation"):
+                ask("POST", f"{where}/{what}", {"reason": "enough"})
+            elif what == "delete":
+                if ask("DELETE", where, {"reason": "not needed"}).status == 200:
+                    self._gone.add(run["id"])
+            elif what == "export":
+                ask("POST", f"{where}/dataset", {"name": "all"})
+            elif what == "look":
+                ask("GET", where)
+            elif what == "answer":
+                self._answer(person.program, run, ask, draw)
+
+    def _answer(
+        self, program: Program, run: dict[str, Any], ask: Callable[..., Answer], draw: Random
+    ) -> None:
+        document = program.ask("GET", f"/runs/{run['id']}").body or {}
+        if prompt := document.get("prompt"):
+            self.scheduler.sleep(draw.choice([0.0, 0.5, 5.0]))
+            verb = draw.choice(["confirm", "confirm", "confirm", *prompt["expects"]])
+            for _ in range(draw.choice([1, 1, 2])):
+                ask("POST", f"/runs/{run['id']}/prompts/{prompt['id']}/{verb}", {})
+
+    def _break(self, what: str, draw: Random) -> None:
+        scheduler, network = self.scheduler, self.network
+        seconds = draw.choice([0.3, 2.0, 8.0])
+        lines = [line for line in network.wires if line[1].open]
+        if what in ("cut", "silence", "slow") and lines:
+            wire, client, transport = draw.choice(lines)
+            if what == "cut":
+                network.cut(client, transport)
+            elif what == "silence":
+                wire.silent = True
+                scheduler.sleep(draw.choice([0.5, 5.0, 60.0]))
+                wire.mend()
+            else:
+                wire.delay_s = seconds / 4
+        elif what == "refuse":
+            network.refuses = True
+            scheduler.sleep(seconds)
+            network.refuses = False
+        elif what == "emergency stop":
+            assert self._cell.cell is not None
+            self._cell.cell.arm.press_emergency_stop()
+            scheduler.sleep(seconds)
+            self._device("restart")
+        elif what == "reboot":
+            self._device("reboot")
+        elif what == "clock":
+            scheduler.utc_offset += draw.choice([-3600.0, -1.0, 1.0, 3600.0])
+        elif what == "full disk":
+            self.disk.full = True
+            scheduler.sleep(seconds)
+            self.disk.full = False
+        elif what in ("kill", "end"):
+            program = draw.choice(self._programs)
+            self._look_at_readings()
+            program.kill() if what == "kill" else program.end()
+            scheduler.sleep(seconds)
+            if not program.alive:
+                program.start()
+
+    def _device(self, order: str) -> None:
+        """Have the simulated devices carry out an order of their back door."""
+        cell, done = self._cell, modules.Event()
+
+        async def do() -> None:
+            try:
+                assert cell.cell is not None
+                await cell.cell.backdoor.do({"do": order})
+            finally:
+                done.set()
+
+        assert cell._loop is not None
+        tasks: list[Any] = []
+        loop = cell._loop
+        loop.call_soon_threadsafe(lambda: tasks.append(loop.create_task(do())))
+        done.wait()
+
+    # -- peace ---------------------------------------------------------------------------------------------
+
+    def _peace(self) -> None:
+        """Let every campaign come to its end, and look at what is left of it."""
+        self._peaceful = True
+        self.scheduler.note("peace")
+        while self._doing:
+            self.scheduler.sleep(0.5)
+        self.disk.full = self.network.refuses = False
+        for wire, _, _ in self.network.wires:
+            wire.mend()
+        self._device("restart")
+        for program in self._programs:
+            if not program.alive:
+                program.start()
+        self._look_at_readings()
+        end = self.scheduler.now + PEACE_S
+        for program in self._programs:
+            while (left := self._left(program)) and self.scheduler.now < end:
+                self._let_go_on(program, left[0]["id"])
+            for run in left:
+                self.find(f"run {run['id']} does not come to its end: {run['state']}, {run['reason']}")
+            self.campaigns += len(self._runs_of(program)) - len(left)
+        if (more := self.campaigns + len(self._gone) - len(self._starts)) > 0:
+            self.find(f"{more} more runs than were ordered")
+        self._look_at_readings()
+        self._look_at_prompts()
+
+    def _left(self, program: Program) -> list[dict[str, Any]]:
+        return [run for run in self._runs_of(program) if run["state"] != "succeeded"]
+
+    def _let_go_on(self, program: Program, name: str) -> None:
+        """Resume a run, and stay with it until it rests or has ended."""
+        body = {"holder": "anna", "seconds": 300, "reason": "peace"}
+        held = self._noted(program, "POST", "/cell/lease/takeover", body, {})
+        lease = {"Lease_Id": held.body["lease_id"]} if held.status == 200 else {}
+        self._noted(program, "POST", f"/runs/{name}/resume", {}, lease)
+        for _ in range(200):
+            self.scheduler.sleep(1.0)
+            run = program.ask("GET", f"/runs/{name}").body
+            if run is None or run["state"] not in ("running", "waiting_for_operator"):
+                return
+            if prompt := run["prompt"]:
+                path = f"/runs/{name}/prompts/{prompt['id']}/confirm"
+                self._noted(program, "POST", path, {}, lease)
+
+    def _records(self) -> dict[str, Path]:
+        folders = [each.record / "runs" for each in self._programs]
+        found = [each for folder in folders for each in sorted(folder.glob("*"))]
+        return {each.name: each / FILE for each in found if (each / FILE).is_file()}
+
+    def _look_at_readings(self) -> None:
+        """Compare the good readings of every record with those that it had before."""
+        records = self._records()
+        for name in self._readings.keys() - records.keys() - self._gone:
+            self.find(f"run {name} has gone with {len(self._readings[name])} readings")
+        for name, file in records.items():
+            connection = sqlite3.connect(f"{file.as_uri()}?mode=ro", uri=True)
+            try:
+                rows = connection.execute(
+                    "SELECT id, pose, status, raw, tracker_x_mm, tracker_y_mm, tracker_z_mm, checksum "
+                    "FROM attempt WHERE kind = 'measure' AND status = 'good'"
+                ).fetchall()
+            except sqlite3.OperationalError:
+                rows = []  # it was not made to its end
+            finally:
+                connection.close()
+            now = {row[0]: row for row in rows}
+            for number, row in self._readings.get(name, {}).items():
+                if now.get(number) != row:
+                    self.find(f"run {name}: reading {number} was {row} and is {now.get(number)}")
+            poses = [row[1] for row in rows]
+            if len(poses) > len(set(poses)):
+                self.find(f"run {name}: a pose was measured twice")
+            self._readings[name] = now
+            for number, pose, *_, x, y, z, _ in rows:
+                if (where := REFERENCE.get(pose)) and math.dist(where, (x, y, z)) > 1.0:
+                    self.find(
+                        f"run {name}: reading {number} of pose {pose} is at {x}, {y}, {z} and not at {where}"
+                    )
+
+    def _look_at_prompts(self) -> None:
+        for name, file in self._records().items():
+            connection = sqlite3.connect(f"{file.as_uri()}?mode=ro", uri=True)
+            given = dict(connection.execute("SELECT id, answer FROM prompt").fetchall())
+            connection.close()
+            if open_now := [number for number, answer in given.items() if answer is None]:
+                self.find(f"run {name}: prompts were neither answered nor withdrawn: {open_now}")
+            for (run, prompt), verb in self._answers.items():
+                if run == name and given.get(prompt) != verb:
+                    self.find(
+                        f"run {name}: {prompt} was answered {verb}, and the record has {given.get(prompt)}"
+                    )
+
+
+def _short(answer: Answer) -> str:
+    body = answer.body
+    if not isinstance(body, dict):
+        return ""
+    kept = {key: body[key] for key in ("id", "state", "reason", "detail", "done", "problems") if key in body}
+    return json.dumps(kept)
+
+
+def learn() -> History:
+    """Fill `REFERENCE` from a campaign in which nothing happens, and return its history."""
+    calm = History(0, [step for step in steps_of(0) if step.at_s <= 0.5 and step.who])
+    calm._one_smr = calm._two = False
+    calm.run()
+    for rows in calm._readings.values():
+        REFERENCE.update({pose: (x, y, z) for _, pose, *_, x, y, z, _ in rows.values()})
+    return calm
