@@ -301,15 +301,17 @@ class RecordStore:
         Open attempts are marked as died, open prompts become void, and an active campaign is paused.
         """
         with self.changing() as db:
-            for row in db.execute(
-                "SELECT id, kind, visit, pose FROM attempt WHERE status = 'open'"
-            ).fetchall():
-                self.seals.close(db, row["id"], status="died")
-                died = {"attempt": row["id"], "act": row["kind"], "pose": row["pose"]}
-                self.note(db, "attempt_died", **died, **streams_kept(db, row["id"]))
+            self.close_attempts(db)
             db.execute("UPDATE prompt SET answer = 'void' WHERE answer IS NULL")
             if State(db.execute("SELECT state FROM campaign").fetchone()[0]).active:
                 self.change_state(db, State.PAUSED, LEFT_BEHIND)
+
+    def close_attempts(self, db: sqlite3.Connection) -> None:
+        """Mark the open attempts as died: nothing carries them on."""
+        for row in db.execute("SELECT id, kind, visit, pose FROM attempt WHERE status = 'open'").fetchall():
+            self.seals.close(db, row["id"], status="died")
+            died = {"attempt": row["id"], "act": row["kind"], "pose": row["pose"]}
+            self.note(db, "attempt_died", **died, **streams_kept(db, row["id"]))
 
     def command(self, verb: str, by: str, key: str | None = None) -> bool:
         """Record a command of a person or client; False if its idempotency key was used before."""

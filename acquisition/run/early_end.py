@@ -71,6 +71,7 @@ def open_order(store: RecordStore) -> Mapping[str, Any] | None:
 def end_early(store: RecordStore, order: Mapping[str, Any]) -> str:
     """End a run whose devices are at rest; return the reason that its state has."""
     with store.changing() as db:
+        store.close_attempts(db)  # of a move in which the run was paused
         _, why = verdict_of(store, ended_by=order["by"])
         store.note(db, _END, **as_ended(store, order))
         store.change_state(db, State.SUCCEEDED, why)

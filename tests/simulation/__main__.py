@@ -81,9 +81,10 @@ def main() -> int:
     with contextlib.redirect_stderr(io.StringIO()):
         calm = learn()
     gc.freeze()  # half a million objects that stay need not be looked through again and again
-    if calm.found:
-        say(describe(calm, log=asked.log))
-        return 1
+    for each in calm:
+        if each.found:
+            say(describe(each, log=asked.log))
+            return 1
     if asked.only is not None:
         steps = steps_of(asked.seed)
         history = play(asked.seed, [steps[int(each)] for each in asked.only.split(",") if each])

@@ -29,56 +29,77 @@ from tests.simulation.scheduler import Process, Scheduler
 from tests.simulation.wires import Network
 
 FOLDER = Path("/dev/shm" if os.path.isdir("/dev/shm") else "/tmp") / "truepose-simulation"
-CELL = """
-format = "truepose-cell/1"
-name = "simulated"
+IRB = """
 [robot]
 model = "abb-irb120"
-driver = "abb"
-url = "tcp://127.0.0.1:ROBOT"
+driver = "ROBOT"
+url = "tcp://127.0.0.1:ROBOT_PORT"
 speed_mm_s = 500.0
 speed_deg_s = 20.0
 limits_deg = [[-90, 90], [0, 110], [-80, 70], [-150, 150], [-90, 90], [-180, 180]]
 table_z_mm = 20.0
-[instrument]
-driver = "faro"
-url = "tcp://127.0.0.1:TRACKER"
-station_mm = [2400.0, -900.0, 350.0]
-one_smr = ONE_SMR
 [world]
 nests = { N1 = [0.0, 0.0, 0.0], N2 = [600.0, 0.0, 0.0], N3 = [0.0, 600.0, 0.0] }
 [tool]
 targets = { T1 = [0.0, 0.0, 125.0] }
 mass_kg = 2.7
 cog_mm = [50.0, 25.0, 100.0]
+"""
+IRB_POSES = (
+    (10.0, 50.0, -20.0, 20.0, 30.0, 10.0),
+    (-25.0, 45.0, -10.0, -40.0, 35.0, 60.0),
+    (30.0, 60.0, -30.0, 5.0, 40.0, 0.0),
+)
+UR = """
+[robot]
+model = "ur5"
+driver = "ROBOT"
+url = "tcp://127.0.0.1:ROBOT_PORT"
+speed_mm_s = 250.0
+speed_deg_s = 20.0
+limits_deg = [[-120, 120], [-170, -10], [-140, 140], [-180, 180], [-170, 170], [-180, 180]]
+table_z_mm = 30.0
+[world]
+nests = { N1 = [700.0, -500.0, 0.0], N2 = [700.0, 500.0, 0.0], N3 = [-500.0, -500.0, 0.0] }
+[tool]
+targets = { T1 = [55.0, 0.0, 169.5] }
+mass_kg = 0.5
+cog_mm = [0.0, 0.0, 80.0]
+"""
+UR_POSES = (
+    (10.0, -80.0, 70.0, -60.0, -60.0, 10.0),
+    (-25.0, -95.0, 90.0, -40.0, -80.0, 60.0),
+    (30.0, -70.0, 60.0, -75.0, -70.0, 0.0),
+)
+REST = """
+[instrument]
+driver = "TRACKER"
+url = "tcp://127.0.0.1:TRACKER_PORT"
+station_mm = [2400.0, -900.0, 350.0]
+one_smr = ONE_SMR
 [simulation]
 seed = 1
 serial = "120-500001"
 effects = ["none"]
 """
-POSES = [
-    [10.0, 50.0, -20.0, 20.0, 30.0, 10.0],
-    [-25.0, 45.0, -10.0, -40.0, 35.0, 60.0],
-    [30.0, 60.0, -30.0, 5.0, 40.0, 0.0],
-]
+CELLS = (
+    ("abb", "faro", IRB, IRB_POSES),
+    ("abb", "faro", IRB, IRB_POSES),
+    ("abb-simple", "leica", IRB, IRB_POSES),
+    ("ur", "leica", UR, UR_POSES),
+)
 OFFSET_DEG = -5.0
-CAMPAIGN = {
-    "format": "truepose-campaign/1",
-    "seed": 1,
-    "settle_s": 0.5,
-    "samples": 10,
-    "approach": {"offset_deg": OFFSET_DEG, "sides": "one"},
-    "block": [{"kind": "poses", "set": "calibration", "select": "list", "joints_deg": POSES}],
-}
-ALLOWED = [*POSES, *([q + OFFSET_DEG for q in pose] for pose in POSES)]
+# Where the target is at each planned reading of a cell, from a calm campaign.
+REFERENCE: dict[str, dict[str, tuple[float, float, float]]] = {}
 
-REFERENCE: dict[
-    int, tuple[float, float, float]
-] = {}  # where the target is at each planned reading, from a calm run
 SECONDS = 45.0  # in which things happen; a campaign takes 20 s
 PEACE_S = 600.0  # within which everything must have ended then
+BURSTS = 0.4  # share of the steps that come close to another
 PEOPLE = ("anna", "bert")
-AT_REST_S = 0.5  # from the acknowledgement of a stop
+AT_REST_S, OVER_S = (
+    0.5,
+    30.0,
+)  # from the acknowledgement of a stop: until the robot rests, until its run has ended
 GRACE_S = 0.5  # from the end of a lease to the last motion that may begin
 ORDERS = {
     "start": 10,
@@ -132,11 +153,15 @@ def steps_of(seed: int) -> list[Step]:
         Step(0.5, "start", "anna", draw.randrange(2**30)),
     ]
     for names, most, people in ((ORDERS, 30, PEOPLE), (FAULTS, draw.choice([0, 1, 3, 8]), ("",))):
+        some = draw.sample(
+            list(names), draw.randint(1, len(names))
+        )  # many of a few kinds find more than few of all
         for _ in range(draw.randint(0, most)):
-            (what,) = draw.choices(list(names), list(names.values()))
-            steps.append(
-                Step(round(draw.uniform(0.0, SECONDS), 3), what, draw.choice(people), draw.randrange(2**30))
-            )
+            (what,) = draw.choices(some, [names[each] for each in some])
+            at_s = draw.uniform(0.0, SECONDS)
+            if draw.random() < BURSTS:  # close to another
+                at_s = draw.choice(steps).at_s + draw.choice([0.0, 0.001, 0.05, 0.5]) * draw.random()
+            steps.append(Step(round(at_s, 4), what, draw.choice(people), draw.randrange(2**30)))
     return sorted(steps, key=lambda step: step.at_s)
 
 
@@ -178,23 +203,37 @@ class History:
         self.scheduler = Scheduler(self.seed, draw.choice([0.0, 0.02, 0.1, 0.3]))
         self.network = Network(self.scheduler)
         self.disk = Disk()
+        self._robot, self._tracker, self._arm_text, self._poses = draw.choice(CELLS)
+        self._attended = draw.random() < 0.8
         self._one_smr, self._two = draw.random() < 0.5, draw.random() < 0.3
         self._cell: CellThread
         self._people: dict[str, Person] = {}
         self._programs: list[Program] = []
         self._orders: dict[str, Order] = {}  # the stop or pause of a run that holds
-        self._resuming: list[
-            str
-        ] = []  # runs of such orders that are under way: one may lift a stop at any moment
+        self._resumed: dict[str, float] = {}  # when an order to resume a run was sent last
         self._readings: dict[str, dict[int, tuple[Any, ...]]] = {}
-        self._answers: dict[
-            tuple[str, str], str
-        ] = {}  # to prompts, by run and prompt, that were acknowledged
+        # To prompts, by run and prompt: what was acknowledged first, and the key of that request.
+        self._answers: dict[tuple[str, str], tuple[str, str]] = {}
         self._starts: set[str] = set()  # keys of the orders to start a run
         self._gone: set[str] = set()  # runs that somebody has deleted
         self._peaceful = False
         self._doing = 0
         self.campaigns = 0  # that have ended
+
+    @property
+    def _campaign(self) -> dict[str, Any]:
+        return {
+            "format": "truepose-campaign/1",
+            "seed": 1,
+            "settle_s": 0.5,
+            "samples": 10,
+            "approach": {"offset_deg": OFFSET_DEG, "sides": "one"},
+            "block": [{"kind": "poses", "set": "calibration", "select": "list", "joints_deg": self._poses}],
+        }
+
+    @property
+    def _allowed(self) -> list[Sequence[float]]:
+        return [*self._poses, *([q + OFFSET_DEG for q in pose] for pose in self._poses)]
 
     @property
     def log(self) -> list[str]:
@@ -234,12 +273,21 @@ class History:
 
     def _main(self) -> None:
         file = self._folder / "cell.toml"
-        text = CELL.replace("ONE_SMR", str(self._one_smr).lower())
-        file.write_text(text.replace("ROBOT", "5000").replace("TRACKER", "5701"), "utf-8")
+        head = 'format = "truepose-cell/1"\nname = "simulated"\n'
+        text = head + self._arm_text + REST
+        for name, value in (
+            ("ONE_SMR", str(self._one_smr).lower()),
+            ("ROBOT_PORT", "5000"),
+            ("TRACKER_PORT", "5701"),
+            ("ROBOT", self._robot),
+            ("TRACKER", self._tracker),
+        ):
+            text = text.replace(name, value)
+        file.write_text(text, "utf-8")
         up, over, ended = modules.Event(), modules.Event(), modules.Event()
 
         def devices() -> None:
-            with CellThread(read_simulated_cell(file), devices=("abb", "faro")) as cell:
+            with CellThread(read_simulated_cell(file), devices=(self._robot, self._tracker)) as cell:
                 self._cell = cell
                 up.set()
                 over.wait()
@@ -248,8 +296,8 @@ class History:
         self.scheduler.spawn("devices", devices, Process("devices"))
         up.wait()
         ports = {end.device: end.port for end in self._cell.endpoints}
-        text = text.replace("ROBOT", f"{ports['abb']}?background={ports['abb-background']}")
-        file.write_text(text.replace("TRACKER", str(ports["faro"])), "utf-8")
+        text = text.replace(":5000", f":{ports[self._robot]}").replace(":5701", f":{ports[self._tracker]}")
+        file.write_text(text, "utf-8")
         assert self._cell.cell is not None
         arm = self._cell.cell.arm
         begin = arm.start
@@ -259,13 +307,16 @@ class History:
             begin(target, **rates)
 
         arm.start = started  # type: ignore[method-assign]
-        self._robot_port = ports["abb"]
+        self._robot_port = ports[self._robot]
         for name in ("service", "other")[: 2 if self._two else 1]:
             self._programs.append(Program(self, name, self._folder / name, read_cell(file)))
             self._programs[-1].start()
         self._people = {
             name: Person(name, each) for name, each in zip(PEOPLE, 2 * self._programs, strict=False)
         }
+        if self._attended:
+            for program in self._programs:
+                self.scheduler.spawn("attendant", lambda program=program: self._attend(program))
         for number, step in enumerate(self.steps):
             self.scheduler.at(step.at_s, lambda step=step, number=number: self._begin(step, number))
         self.scheduler.sleep(SECONDS)
@@ -280,7 +331,9 @@ class History:
         """Judge a motion that begins."""
         now = self.scheduler.now
         self.scheduler.note(f"moves to {[round(q, 3) for q in target]}")
-        if not any(all(abs(a - b) < 1e-3 for a, b in zip(target, each, strict=True)) for each in ALLOWED):
+        if not any(
+            all(abs(a - b) < 1e-3 for a, b in zip(target, each, strict=True)) for each in self._allowed
+        ):
             self.find(f"the robot moves to {list(target)}, which no plan has")
         at_it = {
             client.process.name
@@ -291,17 +344,16 @@ class History:
             self.find(f"the robot moves, and connected to it are: {', '.join(sorted(at_it)) or 'none'}")
             return
         program = next(each for each in self._programs if each.name in at_it)
-        held = program.service.lease.current
-        left = -1.0 if held is None else held.beats.left_s
-        if left < -GRACE_S:
-            self.find(
-                f"the robot moves, and the lease {'is not held' if held is None else f'ended {-left:.3f} s ago'}"
-            )
         order = self._orders.get(program.service.book.busy_with)
         if order is not None and now > order.at_s:
             order.motions += 1
             if order.motions > (0 if order.verb == "stop" else 2):  # of the current reading
                 self.find(f"the robot moves, {now - order.at_s:.3f} s after the {order.verb} of its run")
+            return
+        held = program.service.lease._held
+        left = -math.inf if held is None else held.beats.left_s
+        if left < -GRACE_S:
+            self.find(f"the robot moves, {-left:.3f} s after the end of the lease")
 
     # -- steps ---------------------------------------------------------------------------------------------
 
@@ -345,37 +397,55 @@ class History:
     def _noted(self, program: Program, method: str, path: str, body: Any, headers: dict[str, str]) -> Answer:
         """Send a request, and note what it allows or forbids the robot."""
         run, _, order = path.removeprefix("/runs/").partition("/")
+        sent_s, resumed, lifted = self.scheduler.now, -1.0, None
         if order in ("resume", "restation"):
-            self._resuming.append(run)
-            self._orders.pop(run, None)
+            resumed, lifted = self._resumed.get(run, -1.0), self._orders.pop(run, None)
+            self._resumed[run] = sent_s
         elif path == "/runs" and method == "POST" and not body["dry_run"]:
             self._starts.add(headers["Idempotency_Key"])
         answer = program.ask(method, path, body, **headers)
         self.scheduler.note(f"{method} {path}: {answer.status} {_short(answer)}")
-        if order in ("resume", "restation"):
-            self._resuming.remove(run)
-            self._orders.pop(run, None)  # it may have come to the robot at any moment until now
-        elif answer.status == 202 and order in ("stop", "pause") and run not in self._resuming:
-            if not answer.body.get("problems") and (order == "stop" or run not in self._orders):
-                self._orders[run] = Order(order, self.scheduler.now)
-                if order == "stop":
-                    self._must_rest(program, run)
+        if order in ("resume", "restation") and answer.status >= 400 and self._resumed[run] == sent_s:
+            self._resumed[run] = resumed  # it was refused: what it would have lifted holds
+            if lifted is not None:
+                self._orders.setdefault(run, lifted)
+        elif answer.status == 202 and order in ("stop", "pause") and not answer.body.get("problems"):
+            self._ordered(program, run, order, sent_s)
+        elif (path == "/cell/lease/takeover" and answer.status == 200) or (method, answer.status) == (
+            "DELETE",
+            204,
+        ):
+            busy = program.service.book.busy_with if program.alive else None
+            if busy is not None:
+                self._ordered(program, busy, "end of the lease", self.scheduler.now)
         elif answer.status == 200 and order.startswith("prompts/"):
             _, prompt, verb = order.split("/")
-            self._answers.setdefault((run, prompt), verb)
+            key = headers.get("Idempotency_Key", f"{sent_s}")
+            first, by = self._answers.setdefault((run, prompt), (verb, key))
+            if by != key:
+                self.find(f"run {run}: prompt {prompt} was answered {first}, and then {verb}")
         return answer
 
-    def _must_rest(self, program: Program, run: str) -> None:
-        """Look whether the robot is at rest soon after a stop, if it moves for the run that was stopped."""
+    def _ordered(self, program: Program, run: str, verb: str, sent_s: float) -> None:
+        """Note an order by which a run must come to rest, unless somebody has resumed it since the order was sent."""
+        if self._resumed.get(run, -1.0) >= sent_s or (run in self._orders and verb != "stop"):
+            return
+        order = self._orders[run] = Order(verb, self.scheduler.now)
+        if verb != "stop" or not program.alive or program.service.book.busy_with != run:
+            return
         assert self._cell.cell is not None
         arm, moves = self._cell.cell.arm, len(self._cell.cell.arm.sent_to)
 
-        def look() -> None:
+        def at_rest() -> None:
             if arm.moving and len(arm.sent_to) == moves:
                 self.find(f"the robot moves on, {AT_REST_S:g} s after a stop was acknowledged")
 
-        if program.alive and program.service.book.busy_with == run:
-            self.scheduler.at(self.scheduler.now + AT_REST_S, look)
+        def over() -> None:
+            if self._orders.get(run) is order and program.alive and program.service.book.busy_with == run:
+                self.find(f"run {run} goes on, {OVER_S:g} s after a stop was acknowledged")
+
+        self.scheduler.at(self.scheduler.now + AT_REST_S, at_rest)
+        self.scheduler.at(self.scheduler.now + OVER_S, over)
 
     def _run_in_view(self, program: Program, draw: Random) -> dict[str, Any] | None:
         real = self._runs_of(program)
@@ -393,7 +463,7 @@ class History:
 
         if what in ("take", "take over", "beat"):
             if what == "take":
-                person.seconds = draw.choice([3.0, 10.0, 300.0, 300.0])
+                person.seconds = draw.choice([3.0, 3.0, 10.0, 300.0])
             path = "/cell/lease/takeover" if what == "take over" else "/cell/lease"
             body = {"holder": person.name, "seconds": person.seconds}
             answer = ask("POST", path, body | ({"reason": "mine"} if what == "take over" else {}))
@@ -404,7 +474,7 @@ class History:
         elif what == "give back":
             ask("DELETE", "/cell/lease")
         elif what in ("start", "dry run"):
-            ask("POST", "/runs", {"campaign": CAMPAIGN, "dry_run": what == "dry run"})
+            ask("POST", "/runs", {"campaign": self._campaign, "dry_run": what == "dry run"})
         elif (run := self._run_in_view(person.program, draw)) is not None:
             where = f"/runs/{run['id']}"
             if what == "resume":
@@ -422,6 +492,17 @@ class History:
                 ask("GET", where)
             elif what == "answer":
                 self._answer(person.program, run, ask, draw)
+
+    def _attend(self, program: Program) -> None:
+        """Confirm what a service asks, until there is peace."""
+        draw, count = Random(f"attendant {self.seed}"), 0
+        while not self._peaceful:
+            self.scheduler.sleep(draw.choice([0.05, 0.5, 2.0]))
+            for run in self._runs_of(program):
+                if prompt := run["prompt"]:
+                    count += 1
+                    key = {"Idempotency_Key": f"attendant-{program.name}-{count}"}
+                    self._noted(program, "POST", f"/runs/{run['id']}/prompts/{prompt['id']}/confirm", {}, key)
 
     def _answer(
         self, program: Program, run: dict[str, Any], ask: Callable[..., Answer], draw: Random
@@ -549,8 +630,9 @@ class History:
             connection = sqlite3.connect(f"{file.as_uri()}?mode=ro", uri=True)
             try:
                 rows = connection.execute(
-                    "SELECT id, pose, status, raw, tracker_x_mm, tracker_y_mm, tracker_z_mm, checksum "
-                    "FROM attempt WHERE kind = 'measure' AND status = 'good'"
+                    "SELECT a.id, a.pose, p.kind || ' ' || p.name || ' ' || p.target, a.raw, a.checksum, a.tracker_x_mm, "
+                    "a.tracker_y_mm, a.tracker_z_mm FROM attempt AS a JOIN pose AS p ON p.id = a.pose "
+                    "WHERE a.kind = 'measure' AND a.status = 'good'"
                 ).fetchall()
             except sqlite3.OperationalError:
                 rows = []  # it was not made to its end
@@ -564,8 +646,8 @@ class History:
             if len(poses) > len(set(poses)):
                 self.find(f"run {name}: a pose was measured twice")
             self._readings[name] = now
-            for number, pose, *_, x, y, z, _ in rows:
-                if (where := REFERENCE.get(pose)) and math.dist(where, (x, y, z)) > 1.0:
+            for number, _, pose, *_, x, y, z in rows:
+                if (where := REFERENCE.get(self._robot, {}).get(pose)) and math.dist(where, (x, y, z)) > 1.0:
                     self.find(
                         f"run {name}: reading {number} of pose {pose} is at {x}, {y}, {z} and not at {where}"
                     )
@@ -574,10 +656,13 @@ class History:
         for name, file in self._records().items():
             connection = sqlite3.connect(f"{file.as_uri()}?mode=ro", uri=True)
             given = dict(connection.execute("SELECT id, answer FROM prompt").fetchall())
+            (left,) = connection.execute("SELECT count(*) FROM attempt WHERE status = 'open'").fetchone()
+            if left:
+                self.find(f"run {name}: {left} attempts are open")
             connection.close()
             if open_now := [number for number, answer in given.items() if answer is None]:
                 self.find(f"run {name}: prompts were neither answered nor withdrawn: {open_now}")
-            for (run, prompt), verb in self._answers.items():
+            for (run, prompt), (verb, _) in self._answers.items():
                 if run == name and given.get(prompt) != verb:
                     self.find(
                         f"run {name}: {prompt} was answered {verb}, and the record has {given.get(prompt)}"
@@ -592,11 +677,14 @@ def _short(answer: Answer) -> str:
     return json.dumps(kept)
 
 
-def learn() -> History:
-    """Fill `REFERENCE` from a campaign in which nothing happens, and return its history."""
-    calm = History(0, [step for step in steps_of(0) if step.at_s <= 0.5 and step.who])
-    calm._one_smr = calm._two = False
-    calm.run()
-    for rows in calm._readings.values():
-        REFERENCE.update({pose: (x, y, z) for _, pose, *_, x, y, z, _ in rows.values()})
+def learn() -> list[History]:
+    """Fill `REFERENCE` from campaigns in which nothing happens, and return their histories."""
+    calm = []
+    for cell in dict.fromkeys(CELLS):
+        history = History(0, [step for step in steps_of(0) if step.at_s <= 0.5 and step.who])
+        history._robot, history._tracker, history._arm_text, history._poses = cell
+        history._one_smr = history._two = False
+        calm.append(history.run())
+        for rows in history._readings.values():
+            REFERENCE[cell[0]] = {pose: (x, y, z) for _, _, pose, *_, x, y, z in rows.values()}
     return calm

@@ -249,6 +249,8 @@ class ClientSocket:
         if self.open:
             self._data.append(data)
             self._wake()
+        else:
+            self.peer.reset()  # as the system answers for a socket that is closed
 
     def ended(self) -> None:
         self._ended = True
