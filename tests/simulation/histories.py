@@ -122,6 +122,7 @@ FAULTS = {
     "cut": 6,
     "silence": 3,
     "slow": 3,
+    "twice": 3,
     "refuse": 2,
     "emergency stop": 2,
     "reboot": 2,
@@ -518,7 +519,7 @@ class History:
         scheduler, network = self.scheduler, self.network
         seconds = draw.choice([0.3, 2.0, 8.0])
         lines = [line for line in network.wires if line[1].open]
-        if what in ("cut", "silence", "slow") and lines:
+        if what in ("cut", "silence", "slow", "twice") and lines:
             wire, client, transport = draw.choice(lines)
             if what == "cut":
                 network.cut(client, transport)
@@ -526,6 +527,8 @@ class History:
                 wire.silent = True
                 scheduler.sleep(draw.choice([0.5, 5.0, 60.0]))
                 wire.mend()
+            elif what == "twice":
+                wire.doubles = draw.randint(1, 3)
             else:
                 wire.delay_s = seconds / 4
         elif what == "refuse":
@@ -630,8 +633,8 @@ class History:
             connection = sqlite3.connect(f"{file.as_uri()}?mode=ro", uri=True)
             try:
                 rows = connection.execute(
-                    "SELECT a.id, a.pose, p.kind || ' ' || p.name || ' ' || p.target, a.raw, a.checksum, a.tracker_x_mm, "
-                    "a.tracker_y_mm, a.tracker_z_mm FROM attempt AS a JOIN pose AS p ON p.id = a.pose "
+                    "SELECT a.id, a.pose, p.kind || ' ' || p.name || ' ' || p.target, a.raw, a.checksum, "
+                    "a.tracker_x_mm, a.tracker_y_mm, a.tracker_z_mm FROM attempt AS a JOIN pose AS p ON p.id = a.pose "
                     "WHERE a.kind = 'measure' AND a.status = 'good'"
                 ).fetchall()
             except sqlite3.OperationalError:
