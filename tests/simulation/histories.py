@@ -508,12 +508,23 @@ class History:
     def _answer(
         self, program: Program, run: dict[str, Any], ask: Callable[..., Answer], draw: Random
     ) -> None:
-        document = program.ask("GET", f"/runs/{run['id']}").body or {}
-        if prompt := document.get("prompt"):
-            self.scheduler.sleep(draw.choice([0.0, 0.5, 5.0]))
-            verb = draw.choice(["confirm", "confirm", "confirm", *prompt["expects"]])
-            for _ in range(draw.choice([1, 1, 2])):
-                ask("POST", f"/runs/{run['id']}/prompts/{prompt['id']}/{verb}", {})
+        for _ in range(50):
+            document = program.ask("GET", f"/runs/{run['id']}").body or {}
+            if prompt := document.get("prompt"):
+                break
+            self.scheduler.sleep(0.1)
+        else:
+            return
+        self.scheduler.sleep(draw.choice([0.0, 0.5, 5.0]))
+        where = f"/runs/{run['id']}/prompts/{prompt['id']}"
+        if draw.random() < 0.5:  # somebody else answers at the same time
+            other, key = draw.choice(prompt["expects"]), {"Idempotency_Key": f"other {draw.random()}"}
+            self.scheduler.spawn(
+                "other",
+                lambda: self._noted(program, "POST", f"{where}/{other}", {}, key),
+                self.scheduler.harness,
+            )
+        ask("POST", f"{where}/{draw.choice(['confirm', *prompt['expects']])}", {})
 
     def _break(self, what: str, draw: Random) -> None:
         scheduler, network = self.scheduler, self.network
