@@ -81,6 +81,7 @@ def main() -> int:
     with contextlib.redirect_stderr(io.StringIO()):
         calm = learn()
     gc.freeze()  # half a million objects that stay need not be looked through again and again
+    gc.set_threshold(50_000, 20, 20)
     for each in calm:
         if each.found:
             say(describe(each, log=asked.log))

@@ -315,7 +315,7 @@ class History:
         self._people = {
             name: Person(name, each) for name, each in zip(PEOPLE, 2 * self._programs, strict=False)
         }
-        if self._attended:
+        if self._attended and self._one_smr:
             for program in self._programs:
                 self.scheduler.spawn("attendant", lambda program=program: self._attend(program))
         for number, step in enumerate(self.steps):
@@ -498,7 +498,7 @@ class History:
         """Confirm what a service asks, until there is peace."""
         draw, count = Random(f"attendant {self.seed}"), 0
         while not self._peaceful:
-            self.scheduler.sleep(draw.choice([0.05, 0.5, 2.0]))
+            self.scheduler.sleep(draw.choice([0.2, 1.0, 3.0]))
             for run in self._runs_of(program):
                 if prompt := run["prompt"]:
                     count += 1
@@ -621,8 +621,8 @@ class History:
         held = self._noted(program, "POST", "/cell/lease/takeover", body, {})
         lease = {"Lease_Id": held.body["lease_id"]} if held.status == 200 else {}
         self._noted(program, "POST", f"/runs/{name}/resume", {}, lease)
-        for _ in range(200):
-            self.scheduler.sleep(1.0)
+        for _ in range(100):
+            self.scheduler.sleep(2.0)
             run = program.ask("GET", f"/runs/{name}").body
             if run is None or run["state"] not in ("running", "waiting_for_operator"):
                 return
