@@ -82,7 +82,15 @@ class RecordStore:
                 db.execute(
                     "INSERT INTO campaign (id, name, created_utc, simulated, cell, campaign, state, owner) "
                     "VALUES (?, ?, ?, ?, ?, ?, 'draft', ?)",
-                    (uuid.uuid4().hex, name, store.moment().utc, int(simulated), cell, campaign, store._owner),
+                    (
+                        uuid.uuid4().hex,
+                        name,
+                        store.moment().utc,
+                        int(simulated),
+                        cell,
+                        campaign,
+                        store._owner,
+                    ),
                 )
                 store.seals.campaign(db)
                 store._plan(db, visits)
