@@ -15,10 +15,10 @@ year before.
 
 from __future__ import annotations
 
-from importlib import import_module, metadata
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from truepose.__main__ import refuse_foreign
+from truepose import rooms
 
 if TYPE_CHECKING:
     from calib.errors import DataError
@@ -31,7 +31,8 @@ if TYPE_CHECKING:
     from truepose.sweep_analysis import Sweeps, sweeps
     from truepose.validation import Validation, validate
 
-__version__ = metadata.version("truepose")
+    __version__: str
+
 __all__ = [
     "Corrected",
     "Data",
@@ -56,6 +57,7 @@ __all__ = [
 _HOMES = {
     "Corrected": "correction",
     "Data": "data",
+    "DataError": "data",
     "Diagnosis": "diagnosis",
     "Model": "model",
     "Selection": "selection",
@@ -74,14 +76,18 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> Any:
-    if name in __all__:
-        refuse_foreign()
-    if name == "DataError":
-        return import_module("calib.errors").DataError
+    if name == "__version__":
+        from importlib import metadata
+
+        return metadata.version("truepose")
     if name in _HOMES:
+        rooms.make_way()
         return getattr(import_module(f"truepose.{_HOMES[name]}"), name)
     raise AttributeError(f"truepose has no {name!r}; there are {', '.join(__all__)}")
 
 
 def __dir__() -> list[str]:
     return [*__all__, "__version__"]
+
+
+rooms.make_way()

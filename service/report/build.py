@@ -339,7 +339,7 @@ def _joints(sample: PlotSample, model: ModelStructure, found: tuple[Effect, ...]
 def _template() -> Template:
     """Compiled once: that takes a twelfth of the time of a report."""
     environment = Environment(
-        loader=PackageLoader("service"),
+        loader=PackageLoader(__name__.partition(".report")[0]),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,

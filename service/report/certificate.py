@@ -20,7 +20,6 @@ from dataclasses import dataclass, fields
 from datetime import UTC, date, datetime
 from functools import cache
 from importlib import metadata
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -438,7 +437,7 @@ def hash_of(folders: Iterable[Path]) -> str:
 @cache
 def program_hash() -> str:
     """SHA-256 of the program that runs."""
-    return hash_of(Path(str(files(room))) for room in _ROOMS)
+    return hash_of(Path(__file__).parents[2] / room for room in _ROOMS)
 
 
 def paper_of(dataset: Dataset, document: Mapping[str, Any], model_sha256: str | None) -> dict[str, Any]:

@@ -1,6 +1,6 @@
-"""Benchmark of start-up: processor time of `truepose --help` and of `truepose serve`.
+"""Benchmark of start-up: processor time of `import truepose`, `truepose --help` and `serve`.
 
-The time of `serve` ends when it is ready.
+The time of `serve` ends when it is ready; that of the import is compared with numpy's, beyond an empty program.
 
 The shortest of some tries counts, since other load of the machine lengthens processor time, too.
 """
@@ -16,23 +16,30 @@ from tests.benchmarks.clock import line
 
 TRIES = 5
 HELP_S, READY_S = 0.5, 2.0
-TRUEPOSE = [sys.executable, "-m", "service.cli"]
+IMPORT_RATIO = 0.3
+TRUEPOSE = ["-m", "service.cli"]
 
 
 def run() -> bool:
-    """Print both; True where both are soon enough."""
-    helped = min(_spent(["--help"], until_ready=False) for _ in range(TRIES))
+    """Print them; True where all are soon enough."""
+    nothing, ours, numpys = (
+        min(_spent(["-c", code], until_ready=False) for _ in range(TRIES))
+        for code in ("", "import truepose", "import numpy")
+    )
+    ratio = (ours - nothing) / (numpys - nothing)
+    line("import truepose / import numpy", f"{ratio:.2f}", f"< {IMPORT_RATIO:g}", ratio < IMPORT_RATIO)
+    helped = min(_spent([*TRUEPOSE, "--help"], until_ready=False) for _ in range(TRIES))
     line("truepose --help, processor time", f"{helped:.2f} s", f"< {HELP_S:g} s", helped < HELP_S)
-    ready = min(_spent(["serve", "--json"], until_ready=True) for _ in range(TRIES))
+    ready = min(_spent([*TRUEPOSE, "serve", "--json"], until_ready=True) for _ in range(TRIES))
     line("truepose serve ready, processor time", f"{ready:.2f} s", f"< {READY_S:g} s", ready < READY_S)
-    return helped < HELP_S and ready < READY_S
+    return helped < HELP_S and ready < READY_S and ratio < IMPORT_RATIO
 
 
 def _spent(words: list[str], *, until_ready: bool) -> float:
     """Seconds of processor time until the process has printed its first line, or has ended."""
     with tempfile.TemporaryDirectory() as folder:
         process = subprocess.Popen(
-            [*TRUEPOSE, *words], stdout=subprocess.PIPE, cwd=folder, env=_environment()
+            [sys.executable, *words], stdout=subprocess.PIPE, cwd=folder, env=_environment()
         )
         assert process.stdout is not None
         try:
