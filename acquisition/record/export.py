@@ -36,7 +36,7 @@ from acquisition.record.store import RecordStore
 from acquisition.record.touches import taught_of
 from calib.convert import ConvertedTable
 from calib.data import DEFAULT_GROUPS, OTHER, Dataset, dataset_of, header_of
-from calib.text import TextTable, Vector, replace_file
+from calib.text import PARQUET, TextTable, Vector, replace_file
 
 _WEAKNESSES = """
 SELECT json_extract(data, '$.role') AS role, json_extract(data, '$.weakness') AS weakness FROM event
@@ -349,16 +349,16 @@ class DataTable:
         return dataset_of(cells, header_of(self.header, path.with_suffix(".toml"), table.header))
 
     def write(self, out: Path) -> Path:
-        """Write `OUT.csv` and `OUT.toml`, each completely or not at all.
+        """Write `OUT.csv` or `OUT.parquet`, and `OUT.toml`, each completely or not at all.
 
-        Returns the path of the CSV.
+        Returns the path of the readings.
 
         Raises
         ------
         OSError
             A file cannot be written.
         """
-        out = out.with_suffix(".csv")
+        out = out if out.suffix == PARQUET else out.with_suffix(".csv")
         self._as_written.write(out)
         return out
 

@@ -17,6 +17,7 @@ from scipy.spatial import KDTree
 from calib.array import Array
 from calib.errors import DataError
 from calib.text.columns import no_formula
+from calib.text.parquet import PARQUET, parquet_of
 from calib.text.text_file import replace_file
 
 Holdout = Literal["auto", "random", "block", "none"]
@@ -191,9 +192,10 @@ class ConvertedTable:
         return text.getvalue()
 
     def write(self, path: Path) -> None:
-        """Write `path` and the `.toml` in the same folder; neither is left half-written."""
+        """Write `path`, CSV or Parquet, and its `.toml`; neither is left half-written."""
+        content = parquet_of(self.columns) if path.suffix == PARQUET else self.text
         replace_file(path.with_suffix(".toml"), self.header)
-        replace_file(path, self.text)
+        replace_file(path, content)
 
 
 def _along_a_path(joints: Array) -> bool:

@@ -10,6 +10,7 @@ from calib.text.columns import (
     rows_of,
 )
 from calib.text.json_text import parse_json, read_json
+from calib.text.parquet import DATA_SETS, PARQUET
 from calib.text.program import written_by
 from calib.text.text_file import decoded, note_files, read_bytes, read_text, replace_file
 from calib.text.toml_table import (
@@ -25,9 +26,11 @@ from calib.text.toml_table import (
 from calib.text.xml_text import parse_xml, read_xml
 
 __all__ = [
+    "DATA_SETS",
     "FARTHEST_MM",
     "LONGEST_LINE",
     "MOST_COLUMNS",
+    "PARQUET",
     "TextTable",
     "TomlTable",
     "Vector",

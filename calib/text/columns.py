@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from calib.array import Array
 from calib.errors import DataError
+from calib.text.parquet import PARQUET, parquet_cells
 from calib.text.text_file import read_text
 
 LONGEST_LINE = 100_000
@@ -49,14 +50,22 @@ class TextTable:
 
     @classmethod
     def read(cls, path: Path) -> TextTable:
-        """Read a CSV file.
+        """Read a CSV or Parquet file. Rows of a Parquet have the lines that they would have in a CSV.
 
         Raises
         ------
         DataError
-            The file is not a table of UTF-8 text; the error names file and line.
+            The file is not a table of UTF-8 text, or of Parquet; the error names file, and line or column.
         """
-        return cls.of_text(read_text(path), path)
+        if path.suffix.lower() != PARQUET:
+            return cls.of_text(read_text(path), path)
+        names, rows, content = parquet_cells(path)
+        refuse_wide(len(names), path, 1)
+        refuse_twice(names, path)
+        if not rows:
+            raise DataError("has no readings.", do="Add readings.", file=path)
+        cells = [(line, [no_formula(cell) for cell in row]) for line, row in enumerate(rows, start=2)]
+        return cls(path, names, cells, hashlib.sha256(content).hexdigest())
 
     @classmethod
     def of_text(cls, text: str, path: Path) -> TextTable:

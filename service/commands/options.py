@@ -16,7 +16,7 @@ from calib.compensate import Bounds, Usable
 from calib.errors import DataError
 from calib.prior import TypePrior, load_prior
 from calib.saved import CalibratedModel, load_model
-from calib.text import note_files
+from calib.text import DATA_SETS, PARQUET, note_files
 from service import exit_codes, written
 from service.files import STANDARD_OUTPUT, write_json
 from service.printed.terminal import Terminal
@@ -241,18 +241,26 @@ def check_outputs(
         sys.stderr.write(f"truepose: {shown} is replaced; it was not written by this command as it is now\n")
 
 
-def check_data_set(out: Path, json: str | None, inputs: Iterable[Path | None]) -> None:
+def check_data_set(out: Path, json: str | None, inputs: Iterable[Path | None], **others: Path | None) -> None:
     """Refuse a file that is no data set or that, like its header, cannot be written.
+
+    `others` are outputs of further options by name.
 
     Raises
     ------
     DataError
-        `out` does not end in .csv, or it or its header cannot be written.
+        `out` ends in neither .csv nor .parquet, or it or its header cannot be written.
+    ModuleNotFoundError
+        It is Parquet, and its extra is not installed.
     """
-    if out.suffix != ".csv":
-        raise DataError("is not the name of a data set.", do="Let it end in .csv.", file=out)
+    if out.suffix not in DATA_SETS:
+        raise DataError("is not the name of a data set.", do="Let it end in .csv or .parquet.", file=out)
+    if out.suffix == PARQUET:
+        import pyarrow  # noqa: F401 - rather now than after the work
     data, header = files_of(out)
-    check_outputs({"OUT.csv": data, "header of OUT.csv": header, "--json": json}, inputs=inputs)
+    kind = f"OUT{out.suffix}"
+    more = {f"--{name}": path for name, path in others.items()}
+    check_outputs({kind: data, f"header of {kind}": header, "--json": json, **more}, inputs=inputs)
 
 
 def write_result(document: Mapping[str, Any], json: str | None, terminal: Terminal) -> None:

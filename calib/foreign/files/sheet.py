@@ -16,6 +16,7 @@ from calib.errors import DataError
 from calib.foreign.files.labelled import Labelled, labelled
 from calib.foreign.files.number import is_number
 from calib.text.columns import refuse_wide, rows_of, taken
+from calib.text.parquet import parquet_cells
 from calib.text.text_file import decoded, read_bytes
 
 SEPARATORS = {"tab": "\t", "semicolon": ";", "comma": ",", "bar": "|", "blanks": " "}
@@ -92,6 +93,20 @@ def text_sheet(path: Path, separator: str | None = None) -> Sheet:
         )
     best = separator or _separator("\n".join(lines[:_LOOKED_AT]), path)
     return Sheet(path, "", tuple(_rows("\n".join(lines), path, best)), best, said)
+
+
+def parquet_sheet(path: Path) -> Sheet:
+    """Read a Parquet file as a sheet whose first row has the names of its columns.
+
+    Raises
+    ------
+    DataError
+        The file is no Parquet with numbers and text.
+    """
+    names, rows, _ = parquet_cells(path)
+    refuse_wide(len(names), path, 1)
+    lines = [tuple(names), *rows]
+    return Sheet(path, "", tuple(SheetRow(line, cells) for line, cells in enumerate(lines, start=1)))
 
 
 def taken_apart(sheet: Sheet) -> Sheet:

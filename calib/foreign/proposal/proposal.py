@@ -32,7 +32,7 @@ from calib.data.header import DEFAULT_GROUPS
 from calib.data.hypotheses import BETTER, FEWEST, InterpretedReadings
 from calib.errors import DataError
 from calib.foreign.files.layout import Layout, joined, layouts_of
-from calib.foreign.files.sheet import Sheet, taken_apart, text_sheet
+from calib.foreign.files.sheet import Sheet, parquet_sheet, taken_apart, text_sheet
 from calib.foreign.files.workbook import workbook_sheets
 from calib.foreign.map.map_file import BY, UNDECIDED, Map
 from calib.foreign.meanings.assigned import LEAVE, Answers, Assigned, ColumnFinding, ColumnQuestion
@@ -40,6 +40,7 @@ from calib.foreign.meanings.assignment import assign, at_zero
 from calib.foreign.readings.matching import pose_name, with_target
 from calib.foreign.readings.one_file import readings_of
 from calib.foreign.readings.readings import ForeignReadings
+from calib.text.parquet import PARQUET
 from calib.units import DEG
 
 WORKBOOKS = (".xlsx", ".xlsm", ".xls")
@@ -73,8 +74,10 @@ def sheets_of(path: Path, separator: str = "") -> list[Sheet]:
     Raises
     ------
     DataError
-        The file cannot be read as text or as a workbook.
+        The file cannot be read as text, as a workbook or as Parquet.
     """
+    if path.suffix.lower() == PARQUET:
+        return [parquet_sheet(path)]
     if path.suffix.lower() in WORKBOOKS:
         return [taken_apart(sheet) for sheet in workbook_sheets(path)]
     return [text_sheet(path, separator or None)]

@@ -287,20 +287,16 @@ def export_command(
 ) -> None:
     """Write the readings of a record as a data set, finished or not."""
     accepted = _accepted(accept_other, reason)
-    if out.suffix != ".csv":
-        raise DataError("is not the name of a data set.", do="Let it end in .csv.", file=out)
     if streams:
+        if out.suffix != ".csv":
+            raise DataError("is not the name of streams.", do="Let it end in .csv.", file=out)
         if later or accepted:
             raise ConfigError(
                 "--streams: goes with neither --with nor --accept-device", what_to_do="Use --streams alone."
             )
         _export_streams(record, out, json)
         return
-    data, header = options.files_of(out)
-    options.check_outputs(
-        {"OUT.csv": data, "header of OUT.csv": header, "--json": json},
-        inputs=tuple(each / RECORD_FILE for each in (record, *(later or ()))),
-    )
+    options.check_data_set(out, json, tuple(each / RECORD_FILE for each in (record, *(later or ()))))
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         dataset = read_dataset(
             export_together([record, *later], out, accepted) if later else acquisition.export(record, out)

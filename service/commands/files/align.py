@@ -13,7 +13,6 @@ import typer
 
 from calib.arm import built_in_robots
 from calib.data import read_dataset
-from calib.errors import DataError
 from calib.motion import SLOW_MM_S
 from calib.text import replace_file
 from service.commands import options
@@ -90,13 +89,8 @@ def align_command(
     json: options.Json = None,
 ) -> None:
     """Align the streams of a moving robot and of a tracker. Its stationary intervals become a data set."""
-    if out.suffix != ".csv":
-        raise DataError("is not the name of a data set.", do="Let it end in .csv.", file=out)
-    data, header = options.files_of(out)
-    options.check_outputs(
-        {"OUT.csv": data, "header of OUT.csv": header, "--json": json, "--picture": picture},
-        inputs=(robot_stream, tracker_stream, tracker_stream.with_suffix(".toml"), Path(robot)),
-    )
+    inputs = (robot_stream, tracker_stream, tracker_stream.with_suffix(".toml"), Path(robot))
+    options.check_data_set(out, json, inputs, picture=picture)
     order = AlignmentRequest(
         tool=tool,
         robot=robot,
