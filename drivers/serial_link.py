@@ -13,8 +13,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
-import serial
-
 from drivers.errors import ConfigError, LinkLost, LinkTimeout, ProtocolError
 from drivers.link import WireSink
 
@@ -61,6 +59,8 @@ class SerialLink:
         ConfigError
             There is no such kind of URL.
         """
+        import serial  # of the extra `cell`
+
         self.close()
         options: dict[str, Any] = {"timeout": self.poll_s, "write_timeout": connect_s}
         try:
@@ -69,7 +69,7 @@ class SerialLink:
             port = serial.serial_for_url(self.url, self._baud, **options)
             self._port = port
             port.reset_input_buffer()
-        except (serial.SerialException, OSError) as error:
+        except OSError as error:  # SerialException is one
             self.close()
             raise LinkLost(
                 f"{self.url} cannot be opened: {error}", device=self.device, command="connect"
@@ -88,7 +88,7 @@ class SerialLink:
         self._buffer = b""
         if port is not None:
             socket = getattr(port, "_socket", None)
-            with self._reading, suppress(serial.SerialException, OSError):
+            with self._reading, suppress(OSError):
                 port.close()
             if socket is not None:
                 socket.close()  # pyserial's socket:// leaves it open when the peer has gone first
@@ -113,6 +113,8 @@ class SerialLink:
         LinkLost
             The line was lost.
         """
+        import serial
+
         port = self._open_port(command)
         self._log(">", data)
         try:
@@ -122,7 +124,7 @@ class SerialLink:
             raise LinkTimeout(
                 f"request not taken within send = {send_s:g} s", device=self.device, command=command
             ) from error
-        except (serial.SerialException, OSError) as error:
+        except OSError as error:
             raise LinkLost(f"line lost: {error}", device=self.device, command=command) from error
 
     def read_until(
@@ -157,7 +159,7 @@ class SerialLink:
             with self._reading:
                 port = self._open_port(command)
                 data = port.read(max(1, port.in_waiting))
-        except (serial.SerialException, OSError) as error:
+        except OSError as error:
             raise LinkLost(
                 f"line lost: {error}", device=self.device, command=command, raw=self._buffer
             ) from error

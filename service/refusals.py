@@ -3,6 +3,7 @@
 The numerical part and the drivers do not depend on each other, so each has a separate root error:
 `calib.errors.DataError` and `drivers.errors.AcquisitionError`. Both have a cause, a remedy and a place. In addition, an
 error of data has a file, a line and a key. An error of a device has the name of the device, a code and an exit code.
+The missing package of an extra is a refusal, too (`service.extras`).
 """
 
 from __future__ import annotations
@@ -14,26 +15,26 @@ from typing import Any
 from calib.errors import DataError
 from drivers.errors import AcquisitionError
 from fleet.errors import StoreGone
-from service import exit_codes
+from service import exit_codes, extras
 
-Refusal = AcquisitionError | DataError
-REFUSALS = (AcquisitionError, DataError)
+Refusal = AcquisitionError | DataError | ModuleNotFoundError
+REFUSALS = (AcquisitionError, DataError, ModuleNotFoundError)
 # An absolute path; no URL, in which the slashes follow a colon, and no path of the interface
 _PLACE = re.compile(r"(?<![\w:/.])(?!/(?:api|cell|loops|runs|verifications)/)(?:/|[A-Za-z]:[\\/])[^\s:'\"]+")
 
 
 def sentence(refusal: Refusal) -> str:
     """Return cause, place and remedy as one text, for the person at the terminal."""
-    if isinstance(refusal, DataError):
-        return str(refusal)
-    return refusal.sentence
+    if isinstance(refusal, ModuleNotFoundError):
+        return f"{extras.cause(refusal)} {extras.remedy(refusal)}"
+    return str(refusal) if isinstance(refusal, DataError) else refusal.sentence
 
 
 def exit_code(refusal: Refusal) -> int:
     """Return the exit code of the command that ends with this refusal."""
     if isinstance(refusal, StoreGone):
         return exit_codes.NOT_AVAILABLE
-    return exit_codes.USAGE if isinstance(refusal, DataError) else refusal.exit_code
+    return refusal.exit_code if isinstance(refusal, AcquisitionError) else exit_codes.USAGE
 
 
 def cause(refusal: Refusal) -> str:
@@ -41,7 +42,9 @@ def cause(refusal: Refusal) -> str:
 
     A file appears with its name only, never with its folder on the server.
     """
-    if not isinstance(refusal, DataError):
+    if isinstance(refusal, ModuleNotFoundError):
+        return extras.cause(refusal)
+    if isinstance(refusal, AcquisitionError):
         return without_places(refusal.message).rstrip(".") + "."
     name = "" if refusal.file is None else str(refusal.file).replace("\\", "/").rsplit("/", 1)[-1]
     line = "" if refusal.line is None else f"line {refusal.line}"
@@ -62,11 +65,15 @@ def without_places(text: str) -> str:
 
 def remedy(refusal: Refusal) -> str:
     """Return the remedy of a refusal."""
+    if isinstance(refusal, ModuleNotFoundError):
+        return extras.remedy(refusal)
     return refusal.do if isinstance(refusal, DataError) else refusal.what_to_do
 
 
 def place(refusal: Refusal) -> dict[str, Any]:
     """Return the place, for programs: line and key of a file, or device and class of the error."""
+    if isinstance(refusal, ModuleNotFoundError):
+        return {}
     if isinstance(refusal, DataError):
         given = (("line", refusal.line), ("key", refusal.key))
         return {name: value for name, value in given if value is not None}

@@ -14,6 +14,7 @@ from calib.data import Dataset, dataset_of, header_of, read_dataset, read_header
 from calib.errors import DataError
 from calib.foreign import converted, data_set_of, read_map
 from calib.text import TextTable
+from service.extras import named
 from truepose.frames import frame
 
 if TYPE_CHECKING:
@@ -75,6 +76,7 @@ class Data:
         return frame(columns, of.reading_id, "reading_id")
 
 
+@named()
 def read(
     source: str | Path | Sequence[str | Path] | pandas.DataFrame,
     header: Mapping[str, Any] | str | Path | None = None,
@@ -99,6 +101,8 @@ def read(
     ------
     DataError
         The data cannot be used. The message names file, line or key, and the remedy.
+    ImportError
+        The file needs a package that is not installed; the message names its extra.
 
     >>> truepose.read("irb120.csv")
     <irb120.csv: 120 readings of abb-irb120, 80 to fit, 40 to validate>

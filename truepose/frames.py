@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from service.extras import named
+
 if TYPE_CHECKING:
     import pandas
 
@@ -18,10 +20,8 @@ def pandas_module() -> ModuleType:
     ImportError
         It is not installed; the message states the command for it.
     """
-    try:
+    with named():
         import pandas
-    except ImportError as error:
-        raise ImportError("tables need pandas: pip install 'truepose[pandas]'") from error
     return pandas
 
 

@@ -23,12 +23,13 @@ import threading
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
-from typing import Any
-
-from filelock import FileLock, Timeout
+from typing import TYPE_CHECKING, Any
 
 from acquisition.errors import RecordError, RecordInUse, StorageError, damaged
 from acquisition.record.schema import LAST_TO_READ_OLDER, SCRIPT, UNSEALED, VERSION
+
+if TYPE_CHECKING:
+    from filelock import FileLock
 
 FILE, LOCK = "record.sqlite3", "owner.lock"
 
@@ -244,6 +245,8 @@ def own(folder: Path, *, new: bool) -> FileLock:
     StorageError
         The folder cannot be written.
     """
+    from filelock import FileLock, Timeout  # of the extra `cell`
+
     try:
         if new:
             folder.mkdir(parents=True, exist_ok=True)
@@ -265,6 +268,8 @@ def is_owned(folder: Path) -> bool:
     """
     if not (folder / LOCK).exists():  # a copy without it: nothing is written to it
         return False
+    from filelock import FileLock, Timeout
+
     try:
         with FileLock(folder / LOCK, thread_local=False).acquire(timeout=0):
             return False

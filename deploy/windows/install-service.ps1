@@ -23,7 +23,7 @@ $python = Join-Path $Home_ "env\Scripts\python.exe"
 New-Item -ItemType Directory -Force $Home_, $data | Out-Null
 py -3 -m venv (Join-Path $Home_ "env")
 if ($LASTEXITCODE -ne 0) { throw "No environment: is Python 3.11 or newer installed, with the launcher py?" }
-& $python -m pip install --no-index --find-links $Wheels $Wheel
+& $python -m pip install --no-index --find-links $Wheels "${Wheel}[cell]"
 if ($LASTEXITCODE -ne 0) { throw "pip could not install $Wheel from $Wheels." }
 Copy-Item $Cell (Join-Path $Home_ "cell.toml") -Force
 

@@ -37,7 +37,6 @@ from drivers.fanuc.controller import (
     raise_if_unfit,
 )
 from drivers.fanuc.mappdk import MappdkController
-from drivers.fanuc.modbus import ModbusController
 from drivers.interfaces import Identity, JointReading, RobotStatus, apart_deg, is_there
 from drivers.limits import Caps
 from drivers.link import TcpLink, WireSink, parse_url
@@ -75,13 +74,8 @@ class FanucArm:
     ) -> None:
         caps = Caps(speed_mm_s, speed_deg_s, limits_deg, joints=JOINTS, widest_deg=WIDEST_DEG, device=name)
         address = parse_url(url)
-        kinds: dict[str | None, Callable[[TcpLink, FanucDeadlines], FanucController]] = {
-            None: MappdkController,
-            "hmi": ModbusController,
-            "io": ModbusController,
-        }
         kind = address.options.get("modbus")
-        if kind not in kinds:
+        if kind not in (None, "hmi", "io"):
             raise ConfigError(
                 f"modbus={kind!r} in {url!r} is neither hmi nor io",
                 device=name,
@@ -93,7 +87,7 @@ class FanucArm:
         self._hold_deg = hold_deg
         self._clock = clock
         link = TcpLink(address, name, wire=wire, clock=clock)
-        self._controller = kinds[kind](link, deadlines or FanucDeadlines())
+        self._controller = _controller(kind, link, deadlines or FanucDeadlines())
         self._lock = threading.RLock()
         self._armed = False
         self._stopped = threading.Event()
@@ -317,6 +311,14 @@ class FanucArm:
 
 def _apart(one: JointReading, two: JointReading) -> float:
     return apart_deg(one.joints_deg, two.joints_deg)
+
+
+def _controller(kind: str | None, link: TcpLink, deadlines: FanucDeadlines) -> FanucController:
+    if kind is None:
+        return MappdkController(link, deadlines)
+    from drivers.fanuc.modbus import ModbusController  # pymodbus, of the extra `cell`
+
+    return ModbusController(link, deadlines)
 
 
 def _speeds(text: str | None, url: str) -> tuple[float, ...]:

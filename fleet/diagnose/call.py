@@ -22,9 +22,6 @@ from fleet.diagnose.progress import ProgressCounts
 from fleet.errors import StoreGone
 from fleet.store import FleetStore, utc_now
 
-MISSING = ("dask", "distributed", "cryptography")
-"""Packages of the extra that a cell PC has not."""
-
 
 def diagnose_all(
     sources: Sequence[DatasetSource],
@@ -52,8 +49,8 @@ def diagnose_all(
 
     Raises
     ------
-    DataError
-        The extra is not installed.
+    ModuleNotFoundError
+        The extra `fleet` is not installed.
     EngineGone
         The scheduler or all workers are gone.
     StoreError
@@ -61,16 +58,9 @@ def diagnose_all(
     """
     if not sources:
         return ProgressCounts(0)
-    try:
-        from fleet.diagnose.engine import connected, local, processors
-        from fleet.diagnose.run import FleetRun
-    except ModuleNotFoundError as error:
-        if error.name not in MISSING:
-            raise
-        raise DataError(
-            f"needs the package '{error.name}', which a cell PC has not.",
-            do="Install it with: pip install 'truepose[fleet]'",
-        ) from error
+    from fleet.diagnose.engine import connected, local, processors  # of the extra `fleet`
+    from fleet.diagnose.run import FleetRun
+
     if scheduler and exposed(scheduler):
         tell(
             f"the way to {scheduler} is open: whoever reaches the scheduler has programs run on its workers, and on "

@@ -35,7 +35,7 @@ WRITES = {"writes": True}
 
 BUSY_S = 30.0  # how long another program may hold an SQLite file
 _AGAIN_S = 0.05
-_MISSING = "Install it with: pip install 'truepose[fleet]'"
+_MISSING = 'Install it with: pip install "truepose[fleet]"'
 _SCRIPTS = Path(__file__).parent / "migrations"
 _VERSIONS = "alembic_version"
 _LOCK = 0x74727565  # of PostgreSQL: two migrations at once wait for each other

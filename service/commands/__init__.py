@@ -75,6 +75,7 @@ class _Commands(Group):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
         name, known, rest = super().resolve_command(ctx, args)
+        written.command = f"truepose {name}"
         return name, load(name) if name in COMMANDS else known, rest
 
 
@@ -111,7 +112,6 @@ _app = typer.Typer(
 
 @_app.callback()
 def truepose(
-    context: typer.Context,
     version: Annotated[
         bool,
         typer.Option("--version", is_eager=True, callback=_say_version, help="Print the version and end."),
@@ -122,7 +122,7 @@ def truepose(
     ] = False,
 ) -> None:
     """Calibrate an industrial robot, name what its model lacks, correct it and prove the gain."""
-    written.overwriting, written.command = overwrite, f"truepose {context.invoked_subcommand}"
+    written.overwriting = overwrite
 
 
 app: Any = get_command(_app)

@@ -15,6 +15,21 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("acquisition", "calib", "drivers", "fleet", "mocks", "service", "truepose")
+SCRIPT = """\
+from pathlib import Path
+
+import truepose
+
+data = truepose.read(Path("irb120.csv"))
+found: truepose.Diagnosis = truepose.diagnose(data, most=2, progress=print)
+print(found.sentence, found.errors.loc["with effects", "rms"])
+try:
+    found.model.save("irb120.json")
+except truepose.DataError as error:
+    print(error.do)
+corrected = truepose.compensate(found.model, joints_deg=[[10.0, 20.0, -30.0, 40.0, 50.0, 60.0]])
+good: list[int] = [len(data)]
+"""
 MOST_BYTES = 3_000_000  # of sources and pages, three.js among them; pictures alone would be more
 
 
@@ -54,30 +69,48 @@ def test_it_holds_every_file_and_no_more(wheel: Path) -> None:
     assert wheel.stat().st_size < MOST_BYTES
 
 
-def test_it_runs_where_there_are_no_sources(wheel: Path, tmp_path: Path) -> None:
-    """It runs in a separate environment, whose other packages are those of this one."""
-    home = tmp_path / "environment"
+@pytest.fixture(scope="module")
+def scripts(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Programs of an environment with the wheel; its other packages are those of this one."""
+    home = tmp_path_factory.mktemp("environment")
     venv.create(home, with_pip=False)
     scripts = home / ("Scripts" if os.name == "nt" else "bin")
     site = next(home.rglob("site-packages"))
     install = [sys.executable, "-m", "pip", "--python", str(scripts / "python"), "install", "--no-index"]
-    # Without the sources in sight: pip would find this version installed there and do nothing.
-    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-    subprocess.run([*install, "--no-deps", "--quiet", str(wheel)], check=True, env=environment, cwd=tmp_path)
+    run([*install, "--no-deps", "--quiet", str(wheel)], home)
     (site / "others.pth").write_text(sysconfig.get_path("purelib"), "utf-8")
+    return scripts
 
+
+def run(command: list[str], folder: Path) -> str:
+    """Run a program without the sources, in which pip would find this version and do nothing."""
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    done = subprocess.run(command, capture_output=True, text=True, cwd=folder, env=environment, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def test_it_runs_where_there_are_no_sources(scripts: Path, tmp_path: Path) -> None:
     def truepose(*arguments: str) -> str:
-        command = [str(scripts / "truepose"), *arguments]
-        done = subprocess.run(
-            command, capture_output=True, text=True, cwd=tmp_path, env=environment, check=False
-        )
-        assert done.returncode == 0, done.stderr
-        return done.stdout
+        return run([str(scripts / "truepose"), *arguments], tmp_path)
 
     assert truepose("--version").startswith("truepose ")
-    assert str(home) in truepose("docs")
+    assert str(scripts.parent) in truepose("docs")
     assert "first-hour" in truepose("docs", "index")
     assert "backlash:j4" in truepose("demo", "--in-memory", "--effect", "backlash:j4", "--out", "d")
-    asked = [str(scripts / "python"), "-c", "import calib, truepose; print(calib.__file__, truepose.read)"]
-    done = subprocess.run(asked, capture_output=True, text=True, cwd=tmp_path, env=environment, check=True)
-    assert str(site) in done.stdout
+    asked = "import calib, truepose; print(calib.__file__, truepose.read)"
+    assert str(scripts.parent) in run([str(scripts / "python"), "-c", asked], tmp_path)
+
+
+def test_a_users_script_has_types(scripts: Path, tmp_path: Path) -> None:
+    """Two programs that others wrote find the types of the wheel, and a mistake by them."""
+    (tmp_path / "mine.py").write_text(SCRIPT, "utf-8")
+    (tmp_path / "wrong.py").write_text(SCRIPT.replace("list[int]", "Path"), "utf-8")
+    python, installed = str(scripts / "python"), sysconfig.get_path("scripts")
+    mypy = [f"{installed}/mypy", "--strict", "--python-executable", python, "--cache-dir", str(tmp_path)]
+    for reader in (mypy, [f"{installed}/pyright", "--pythonpath", python]):
+        done = subprocess.run([*reader, "mine.py", "wrong.py"], capture_output=True, text=True, cwd=tmp_path)
+        errors = [line for line in done.stdout.splitlines() if "error:" in line]
+        assert len(errors) == 1, done.stdout + done.stderr
+        assert "wrong.py" in errors[0]
+        assert "Path" in errors[0]

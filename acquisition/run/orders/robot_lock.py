@@ -22,8 +22,6 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
-from filelock import FileLock, Timeout
-
 from acquisition.errors import RobotInUse
 from drivers.interfaces import Identity
 from drivers.link import endpoints
@@ -115,6 +113,8 @@ _FOLDER = _folder()
 
 
 def _lock_by_file(stack: ExitStack, digest: str, where: str) -> Callable[[], bool]:
+    from filelock import FileLock, Timeout  # of the extra `cell`
+
     path = _FOLDER / f"robot-{digest}.lock"
     try:
         _FOLDER.mkdir(parents=True, exist_ok=True)

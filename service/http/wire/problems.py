@@ -51,6 +51,7 @@ _STATUS: tuple[tuple[type[Refusal], int], ...] = (
     (DamagedRecord, 422),
     (StorageError, 507),
     (LinkError, 502),
+    (ModuleNotFoundError, 501),
 )
 
 

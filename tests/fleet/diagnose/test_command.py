@@ -158,7 +158,7 @@ def test_a_cell_pc_needs_no_dask_and_is_told_what_to_install(tmp_path: Path) -> 
     command = [sys.executable, "-c", WITHOUT, "fleet", "diagnose", str(bad(tmp_path, "b")), "--store", store]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == exit_codes.USAGE
-    assert "pip install 'truepose[fleet]'" in done.stderr
+    assert 'pip install "truepose[fleet]"' in done.stderr
     assert "Traceback" not in done.stderr
 
 
