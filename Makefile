@@ -11,7 +11,7 @@ BIN := $(VENV)/bin
 # One BLAS thread: two spin against each other on a busy two-core machine (CONTRIBUTING.md).
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: demo test suite check style types docs notebooks pictures counterparts fuzz conformance sabotage mutants steady simulation long bench figures clean
+.PHONY: demo test suite check style types docs notebooks pictures counterparts fuzz conformance sabotage mutants steady simulation long bench figures clean image
 .DEFAULT_GOAL := test
 
 # The stamp lives inside the environment, so deleting the environment deletes the stamp.
@@ -106,6 +106,10 @@ bench: $(VENV)/.installed
 FIGURES ?= selection pairs robot_check:1
 figures: $(VENV)/.installed
 	$(BIN)/python -m tests.figures $(FIGURES)
+
+# The container image, where a Docker daemon runs: docs/cell-pc/install.md.
+image:
+	docker build -f deploy/Dockerfile -t truepose .
 
 clean:
 	rm -rf $(VENV) .bench .counterparts build dist docs/build docs/made *.egg-info .pytest_cache .ruff_cache .hypothesis

@@ -74,3 +74,18 @@ def test_what_is_untested_says_so() -> None:
     assert "UNTESTED" in (DEPLOY / "windows" / "install-service.ps1").read_text("utf-8")
     page = (DEPLOY.parent / "docs" / "cell-pc" / "install.md").read_text("utf-8")
     assert "**not at all**: there is no Windows here" in page
+
+
+@pytest.mark.whole
+def test_the_image_is_built_and_runs() -> None:
+    if shutil.which("docker") is None or subprocess.run(["docker", "info"], capture_output=True).returncode:
+        pytest.skip("no Docker daemon runs here: `make image` is not tried")
+    subprocess.run(["make", "image"], cwd=DEPLOY.parent, check=True)
+    run = ["docker", "run", "--rm", "truepose"]
+    done = subprocess.run([*run, "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("truepose ")
+    refused = subprocess.run(
+        [*run, "serve", "--cell", "/none.toml"], capture_output=True, text=True, check=False
+    )
+    assert refused.returncode == 2
+    assert "/none.toml: there is no such file" in refused.stderr

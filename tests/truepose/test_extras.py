@@ -19,6 +19,7 @@ import pytest
 from openpyxl import Workbook
 
 from service.extras import EXTRAS
+from service.http.wire import problems
 
 ROOT = Path(__file__).parents[2]
 ABOUT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
@@ -142,6 +143,15 @@ def test_other_commands_name_their_extra(base: str, tmp_path: Path) -> None:
             last = told.splitlines()[-1]
             assert last.endswith(f'is not installed. Install it with: pip install "truepose[{extra}]"'), told
             assert "Traceback" not in told
+
+
+def test_the_service_names_it() -> None:
+    """A request that needs a workbook's reader is no fault of the program."""
+    document = problems.of_error(ModuleNotFoundError("No module named 'openpyxl'", name="openpyxl.utils"))
+    assert (document["status"], document["detail"]) == (501, "the package 'openpyxl' is not installed.")
+    assert document["what_to_do"] == 'Install it with: pip install "truepose[excel]"'
+    lost = problems.of_error(ModuleNotFoundError("No module named 'numpy'", name="numpy"))
+    assert lost["what_to_do"] == 'Install it with: pip install "truepose"'
 
 
 def test_python_names_the_extra(base: str, tmp_path: Path) -> None:
