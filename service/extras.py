@@ -39,9 +39,9 @@ def cause(error: ModuleNotFoundError) -> str:
 
 
 def remedy(error: ModuleNotFoundError) -> str:
-    """Return the command that installs the first extra with the package, of `truepose fleet` the extra `fleet`.
+    """Return the command that installs the first extra with the package.
 
-    A package of no extra is one that every installation needs.
+    For `truepose fleet` it is the extra `fleet`. Every installation needs a package of no extra.
     """
     found = [extra for extra, modules in EXTRAS.items() if _package(error) in modules]
     asked = written.command.rpartition(" ")[2]

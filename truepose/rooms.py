@@ -1,4 +1,4 @@
-"""The packages of the program, found also where others have their names: docs/decisions/0154.
+"""The packages of the program, found although others have their names (decision 154).
 
 Their names are plain (`calib`, `service`), and a process has one package of a name. Where a package of the user has
 it, ours is imported as `truepose.NAME`: the import statements of our modules lead there, those of the user to theirs.
@@ -23,7 +23,7 @@ _moved: set[str] = set()  # rooms that are imported as `truepose.NAME`
 
 
 def make_way() -> None:
-    """Move every room whose name Python finds, or has imported, as another package or module."""
+    """Move every package whose name is that of another one, imported or found by Python."""
     taken = {room for room in ROOMS if not _is_ours(room)} - _moved
     if taken:
         _moved.update(taken)
@@ -31,7 +31,7 @@ def make_way() -> None:
 
 
 def take() -> None:
-    """Use all names for our packages, in a process and its children that run no code of the user's."""
+    """Use all names for our packages: this process and its children run no code of the user."""
     if _moved:
         _moved.clear()
         path = os.environ.get("PYTHONPATH")

@@ -1,4 +1,4 @@
-"""Data sets as Parquet: the cells of the CSV, typed by column; read and written with pyarrow (extra `parquet`).
+"""Data sets as Parquet, the cells of the CSV typed by column, by pyarrow (extra `parquet`).
 
 Columns with a unit at the end of their name, sides, quaternions and waypoints are numbers if every filled cell is one:
 doubles, or integers of 64 bits. All others are text, so that an identifier `007` stays one. An empty cell is null.

@@ -12,6 +12,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -80,6 +81,7 @@ def test_a_service_that_sees_other_folders_locks_the_same_robot(tmp_path: Path) 
 
 
 def test_the_lock_by_files_of_other_systems(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import_module("filelock")  # that of this system
     monkeypatch.setattr(sys, "platform", "win32")
     monkeypatch.setattr(movers, "_FOLDER", tmp_path / "locks")
     arm = Identity("ABB", "IRB 120", "", "1", "none")

@@ -1,4 +1,4 @@
-"""Data sets as Parquet: nothing is lost on the way there and back, and others read and write the same."""
+"""Data sets as Parquet: nothing is lost, and other programs read and write the same."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def test_a_name_that_looks_like_a_number_stays_one(tmp_path: Path) -> None:
 
 
 def spoilt(name: str, values: list[Any]) -> pyarrow.Table:
-    """The data set with a column of that name, in the place of its own."""
+    """The data set with another column of that name."""
     table = pyarrow.Table.from_pandas(as_frame(DATA), preserve_index=False)
     column = pyarrow.array((values * len(table))[: len(table)])
     rest = table.drop_columns([name]) if name in table.column_names else table

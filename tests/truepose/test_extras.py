@@ -1,4 +1,4 @@
-"""The installation without extras: what it does, and the extra that each other command names.
+"""The installation without extras, and the extra that each other command names.
 
 A process stands for it in which every package is absent that the dependencies of pyproject.toml do not bring.
 """
@@ -168,7 +168,7 @@ def test_python_names_the_extra(base: str, tmp_path: Path) -> None:
 
 
 def test_the_table_of_extras_is_that_of_the_package() -> None:
-    """A module of the table is of a distribution that the extra requires, itself or by another of its packages."""
+    """The extra installs each module of the table, and the table has each of its packages."""
     for extra, modules in EXTRAS.items():
         names = (extra, "cell") if extra == "fleet" else (extra,)
         listed = [each for name in names for each in ABOUT["optional-dependencies"][name]]
