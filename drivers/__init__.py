@@ -12,7 +12,7 @@ from drivers.abb.simple import AbbSimpleArm
 from drivers.abb.simple_stream import AbbSimpleDeadlines
 from drivers.creaform.ctrack import CTrack
 from drivers.deadlines import InstrumentDeadlines
-from drivers.declaration import InstrumentDriver, Option, RobotDriver, TextOption
+from drivers.declaration import InstrumentDriver, NumbersOption, Option, RobotDriver, TextOption
 from drivers.details import Details
 from drivers.dh_numbers import DhNumbers
 from drivers.errors import (
@@ -94,6 +94,8 @@ from drivers.renishaw.qc20w import Qc20w
 from drivers.ur.arm import UrArm
 from drivers.ur.deadlines import UrDeadlines
 from drivers.ur.secondary import Factory
+from drivers.yaskawa.arm import YaskawaArm
+from drivers.yaskawa.hses import YaskawaDeadlines
 
 __all__ = [
     "INSTRUMENTS",
@@ -144,6 +146,7 @@ __all__ = [
     "NotArmed",
     "NotReached",
     "NotReady",
+    "NumbersOption",
     "OperatedByPerson",
     "Operator",
     "Option",
@@ -180,6 +183,8 @@ __all__ = [
     "WireLog",
     "WireSink",
     "WrongMode",
+    "YaskawaArm",
+    "YaskawaDeadlines",
     "installed",
     "instrument_driver",
     "open_instrument",

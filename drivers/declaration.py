@@ -56,6 +56,14 @@ class TextOption:
     words: str = ""
 
 
+@dataclass(frozen=True, slots=True)
+class NumbersOption:
+    """Positive numbers in the cell file for one driver of robots, one per joint; the file must have them."""
+
+    key: str
+    words: str = ""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobotDriver:
     """A driver of robots: one protocol or dialect.
@@ -67,6 +75,8 @@ class RobotDriver:
     joints
         Number of joints that it drives, all of which turn; a cell with another robot is refused before anything
         connects.
+    scheme
+        Beginning of its addresses: `tcp`, or `udp` for a protocol of datagrams.
     takes_reach
         Whether `make` takes `reach_mm` as well, to keep the speed of the path.
     details
@@ -82,7 +92,8 @@ class RobotDriver:
     name: str
     make: Callable[..., RobotArm]
     joints: int = 6
-    options: tuple[Option | TextOption, ...] = ()
+    scheme: str = "tcp"
+    options: tuple[Option | TextOption | NumbersOption, ...] = ()
     by_hand: bool = False
     takes_reach: bool = False
     streams: bool = False

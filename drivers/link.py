@@ -94,32 +94,25 @@ def beside(address: Address, option: str, port: int, device: str) -> Address:
     return replace(address, port=int(text))
 
 
-def parse_url(url: str) -> Address:
-    """Parse `tcp://host:port[?key=value]`.
+def parse_url(url: str, *, scheme: str = "tcp") -> Address:
+    """Parse `tcp://host:port[?key=value]`, or the same with another scheme.
 
     Raises
     ------
     ConfigError
         The URL has another form; the message names the wrong part.
     """
-    parts = urlsplit(url)
-    if parts.scheme != "tcp":
-        raise ConfigError(
-            f"address {url!r} must begin with tcp://", what_to_do="Write the address as tcp://HOST:PORT."
-        )
+    parts, do = urlsplit(url), f"Write the address as {scheme}://HOST:PORT."
+    if parts.scheme != scheme:
+        raise ConfigError(f"address {url!r} must begin with {scheme}://", what_to_do=do)
     try:
         host, port = parts.hostname, parts.port
     except ValueError as error:
-        raise ConfigError(
-            f"address {url!r}: {error}", what_to_do="Write the address as tcp://HOST:PORT."
-        ) from error
+        raise ConfigError(f"address {url!r}: {error}", what_to_do=do) from error
     if not host or not _HOST.fullmatch(host) or parts.path not in ("", "/") or parts.username:
-        raise ConfigError(
-            f"address {url!r} has a path, a user name or no host",
-            what_to_do="Write the address as tcp://HOST:PORT.",
-        )
+        raise ConfigError(f"address {url!r} has a path, a user name or no host", what_to_do=do)
     if not port:
-        raise ConfigError(f"address {url!r} has no port", what_to_do="Write the address as tcp://HOST:PORT.")
+        raise ConfigError(f"address {url!r} has no port", what_to_do=do)
     return Address(host, port, dict(parse_qsl(parts.query)))
 
 
@@ -443,7 +436,7 @@ def endpoints(url: str) -> frozenset[str]:
     """
     if "://" not in url:
         return frozenset({os.path.realpath(url)})
-    address = parse_url(url)
+    address = parse_url(url, scheme="udp" if urlsplit(url).scheme == "udp" else "tcp")
     try:
         found = socket.getaddrinfo(address.host, address.port, type=socket.SOCK_STREAM)
     except (OSError, UnicodeError):  # no such name; a name that is not valid for a name server

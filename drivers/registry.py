@@ -23,6 +23,7 @@ from drivers.leica import declaration as leica
 from drivers.manual import declaration as manual
 from drivers.renishaw import declaration as renishaw
 from drivers.ur import declaration as ur
+from drivers.yaskawa import declaration as yaskawa
 
 GROUP = "truepose.drivers"
 
@@ -35,7 +36,9 @@ def _by_name(makers: Iterable[Iterable[_D]]) -> dict[str, _D]:
     return {driver.name: driver for drivers in makers for driver in drivers}
 
 
-ROBOTS: Mapping[str, RobotDriver] = _by_name([abb.DRIVERS, fanuc.DRIVERS, ur.DRIVERS, manual.ROBOTS])
+ROBOTS: Mapping[str, RobotDriver] = _by_name(
+    [abb.DRIVERS, fanuc.DRIVERS, ur.DRIVERS, yaskawa.DRIVERS, manual.ROBOTS]
+)
 
 INSTRUMENTS: Mapping[str, InstrumentDriver] = _by_name(
     [creaform.DRIVERS, faro.DRIVERS, leica.DRIVERS, renishaw.DRIVERS, manual.INSTRUMENTS]

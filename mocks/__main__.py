@@ -20,9 +20,13 @@ from mocks.cell import Cell
 from mocks.cell_file import CellFile, read_cell
 
 PROGRAM = "truepose mock"  # as most people start it
-_ALONE = ("abb", "abb-simple", "ctrack", "emscon", "fanuc", "faro", "leica", "ur")
+_ALONE = ("abb", "abb-simple", "ctrack", "emscon", "fanuc", "faro", "leica", "ur", "yaskawa")
 DEVICES = {name: (name,) for name in _ALONE} | {"qc20w": ("qc20w", "qc20w-serial")}
-ROBOTS = {"fanuc": "fanuc-lrmate200ic", "ur": "ur5"}  # of a cell of one device, if not the usual arm
+ROBOTS = {
+    "fanuc": "fanuc-lrmate200ic",
+    "ur": "ur5",
+    "yaskawa": "yaskawa-gp7",
+}  # of a cell of one device, if not the usual arm
 
 
 def _ours(_: Cell) -> None:
@@ -57,6 +61,7 @@ DIALECTS: Mapping[str, Mapping[str, Callable[[Cell], None]]] = {
         "polyscope-3.8": _polyscope((3, 8, 0, 61336)),  # without registers
         "polyscope-5.11": _polyscope((5, 11, 1, 108318)),
     },
+    "yaskawa": {"hses": _ours},
     "emscon": {"emscon": _ours},
     **dict.fromkeys(("ctrack", "faro", "leica", "qc20w"), _MBP),
 }

@@ -34,6 +34,8 @@ from mocks.ur.controller import UrController
 from mocks.world import ROBOTS, Robot, Session, World, random_label
 from mocks.world.robot_file import robot_of, table_of
 from mocks.world.robots import Counting
+from mocks.yaskawa.controller import YaskawaController
+from mocks.yaskawa.hses import HsesServer
 
 LABEL_STREAM, CLOCK_STREAM = 22, 23
 
@@ -93,6 +95,7 @@ class Cell:
         self.abb = AbbController(self.arm, self.clock, robot, stock=stock)
         self.abb_simple = SimpleMessageServers(self.arm, self.clock, robot.counting)
         self.fanuc = Fanuc(self.arm, self.clock, robot, stock=stock)
+        self.yaskawa = YaskawaController(self.arm, self.clock, robot, cell.pulses_per_deg, cell.max_deg_s)
         self.ur_clock = DeviceClock(self.clock)
         self.ur = UrController(self.arm, self.ur_clock, self.world)
         if cell.serial:
@@ -152,6 +155,7 @@ class Cell:
     async def _restart(self, order: dict[str, Any]) -> None:
         """Put the robot in order and start its programs again, as a person does."""
         self.abb_simple.restart()
+        self.yaskawa.restart()
         await self.abb.restart()
 
     def _touch(self, order: dict[str, Any]) -> None:
@@ -205,6 +209,9 @@ class Cell:
                 ends += await self.fanuc.listen(self._servers, port if not ends else 0)
             if "ur" in self.devices:
                 ends += await self.ur.listen(self._servers, port if not ends else 0)
+            if "yaskawa" in self.devices:
+                server = HsesServer(self.yaskawa)
+                ends.append(await server.listen(self._servers, port if not ends else 0))
             if "faro" in self.devices:
                 first = port if not ends else 0
                 ends.append(
@@ -284,10 +291,13 @@ class CellThread:
         self._thread.join()
 
     def port(self, device: str) -> int:
-        return next(end.port for end in self.endpoints if end.device == device)
+        return self._endpoint(device).port
 
     def url(self, device: str) -> str:
-        return f"tcp://127.0.0.1:{self.port(device)}"
+        return self._endpoint(device).url
+
+    def _endpoint(self, device: str) -> Endpoint:
+        return next(end for end in self.endpoints if end.device == device)
 
     def do(self, what: str, **order: Any) -> dict[str, Any]:
         """Carry out an order of the back door in the cell's own loop."""

@@ -48,6 +48,8 @@ class CellFile:
     serial: str = ""  # that the controller of an ABB or UR reports; empty: the same in every cell
     resolution_deg: float = 0.01  # of a pendant that a person reads
     within_deg: float | None = None  # how far from a posture that person may stop
+    pulses_per_deg: tuple[float, ...] = ()  # of a Yaskawa controller; empty: the simulator's own
+    max_deg_s: tuple[float, ...] = ()
 
 
 def read_cell(path: Path) -> CellFile:
@@ -78,6 +80,8 @@ def read_cell(path: Path) -> CellFile:
         "ballbar_mm": table.get("instrument", {}).get("nominal_mm"),
         "resolution_deg": robot.get("resolution_deg"),
         "within_deg": robot.get("within_deg"),
+        "pulses_per_deg": robot.get("pulses_per_deg"),
+        "max_deg_s": robot.get("max_deg_s"),
         "robot_driver": robot.get("driver"),
         "instrument_driver": table.get("instrument", {}).get("driver"),
         "tool_mass_kg": tool.get("mass_kg"),

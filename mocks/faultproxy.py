@@ -1,19 +1,22 @@
-"""A TCP proxy between driver and simulator that spoils answers or requests one by one.
+"""A TCP or UDP proxy between driver and simulator that spoils answers or requests one by one.
 
 An answer is the data from the device up to `boundary`, or one received piece if the protocol has no boundary. A
-request is one received piece. Faults are chosen by name, for a number of messages or at a rate: those of
-`FAULTS` hit answers, those of `REQUEST_FAULTS` hit requests. Faults that only the device can cause (counters
-that start again, a clock that steps) are passed to it through `device`, an order of the back door.
+request is one received piece. Of a protocol of datagrams, both are one datagram. Faults are chosen by name, for a
+number of messages or at a rate: those of `FAULTS` hit answers, those of `REQUEST_FAULTS` hit requests. Faults that only
+the device can cause (counters that start again, a clock that steps) are passed to it through `device`, an order of the
+back door.
 """
 
 from __future__ import annotations
 
 import asyncio
 import random
+import socket
 import threading
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
+from collections.abc import AsyncIterator, Callable
 from types import TracebackType
+from typing import Any
 
 from mocks.shared.sockets import Servers, drop
 
@@ -29,7 +32,7 @@ class Spoiler:
 
     def __init__(
         self,
-        writer: asyncio.StreamWriter,
+        writer: Any,  # an asyncio.StreamWriter, or its like for datagrams
         delay_s: float,
         rng: random.Random,
         device: Callable[..., object],
@@ -137,35 +140,65 @@ class Spoiler:
         await self.send(data)
 
 
-FAULTS: dict[str, Callable[[Spoiler, bytes], Awaitable[None]]] = {
-    name: getattr(Spoiler, name)
-    for name in (
-        "delay",
-        "drip",
-        "split",
-        "glue",
-        "stale",
-        "reorder",
-        "duplicate",
-        "duplicate_late",
-        "drop",
-        "garbage",
-        "flip",
-        "half",
-        "half_close",
-        "close",
-        "reset",
-        "black_hole",
-        "reboot",
-        "clock_step",
-    )
-}
+class DatagramSpoiler(Spoiler):
+    """One direction of one client's port, whose messages are datagrams: never joined, never divided."""
+
+    async def send(self, data: bytes) -> None:
+        held, self.held = self.held, b""
+        for each in (data, held):
+            if each and not self.silent:
+                self.writer.write(each)
+
+    async def drip(self, data: bytes) -> None:
+        await self.delay(data)
+
+    async def split(self, data: bytes) -> None:
+        await self.delay(data)
+
+    async def glue(self, data: bytes) -> None:
+        await self.send(self.previous)
+        await self.send(data)
+
+    async def duplicate(self, data: bytes) -> None:
+        await self.send(data)
+        await self.send(data)
+
+    async def half_close(self, data: bytes) -> None:
+        self.power_off()
+
+    async def close(self, data: bytes) -> None:
+        self.power_off()
+
+    async def reset(self, data: bytes) -> None:
+        self.power_off()
+
+    async def reboot(self, data: bytes) -> None:
+        self.device("reboot")
+        self.power_off()
 
 
-REQUEST_FAULTS: dict[str, Callable[[Spoiler, bytes], Awaitable[None]]] = {
-    f"request_{name}": getattr(Spoiler, name) for name in ("digit", "flip", "half", "duplicate", "drop")
-}
-_METHODS = FAULTS | REQUEST_FAULTS
+FAULTS = (
+    "delay",
+    "drip",
+    "split",
+    "glue",
+    "stale",
+    "reorder",
+    "duplicate",
+    "duplicate_late",
+    "drop",
+    "garbage",
+    "flip",
+    "half",
+    "half_close",
+    "close",
+    "reset",
+    "black_hole",
+    "reboot",
+    "clock_step",
+)
+REQUEST_FAULTS = tuple(f"request_{name}" for name in ("digit", "flip", "half", "duplicate", "drop"))
+_METHODS = {name: name.removeprefix("request_") for name in (*FAULTS, *REQUEST_FAULTS)}
 
 
 class FaultProxy:
@@ -234,20 +267,16 @@ class FaultProxy:
         for writer in self._writers:
             writer.transport.abort()
 
-    async def _pass(
-        self,
-        message: bytes,
-        spoiler: Spoiler,
-        methods: Mapping[str, Callable[[Spoiler, bytes], Awaitable[None]]],
-    ) -> None:
+    async def _pass(self, message: bytes, spoiler: Spoiler, known: tuple[str, ...]) -> None:
         """Forward one message of this direction, spoiled where it is its turn."""
-        fault = self._next_fault(methods)
-        await (spoiler.send(message) if fault is None else methods[fault](spoiler, message))
+        fault = self._next_fault(known)
+        forward = spoiler.send if fault is None else getattr(spoiler, _METHODS[fault])
+        await forward(message)
 
-    def _next_fault(self, methods: Mapping[str, object]) -> str | None:
+    def _next_fault(self, known: tuple[str, ...]) -> str | None:
         with self._lock:
             planned, times, rate, after = self._plan
-            faults = [fault for fault in planned if fault in methods]  # those of this direction
+            faults = [fault for fault in planned if fault in known]  # those of this direction
             if not faults or times == 0:
                 return None
             if after > 0:
@@ -327,3 +356,146 @@ class FaultProxy:
         assert self._finish is not None
         self._loop.call_soon_threadsafe(self._finish.set)
         self._thread.join()
+
+
+CLIENTS = 16  # ports of clients that a proxy of datagrams remembers
+_NOBODY = ("127.0.0.1", 9)
+
+
+class _Datagrams(asyncio.DatagramProtocol):
+    """Hands each datagram on with its sender; a port that refuses is passed over."""
+
+    def __init__(self, take: Callable[[bytes, Any], None]) -> None:
+        self._take = take
+
+    def datagram_received(self, data: bytes, addr: Any) -> None:
+        self._take(data, addr)
+
+
+class _DatagramWriter:
+    """Sends datagrams, as the spoiler of a stream writes bytes."""
+
+    def __init__(self, transport: Callable[[], Any], address: Any = None) -> None:
+        self._transport = transport
+        self._address = address
+
+    def write(self, data: bytes) -> None:
+        if (transport := self._transport()) is not None:
+            transport.sendto(data, self._address)
+
+
+class DatagramProxy(FaultProxy):
+    """A proxy of datagrams; each port of a client counts as one connection.
+
+    Where a connection would be closed, the proxy closes its port for `away_s` or until `heal`. The network reports that
+    to whoever sends there.
+    """
+
+    def __init__(self, device_port: int, *, away_s: float = 1.5, **options: Any) -> None:
+        super().__init__(device_port, away_s=away_s, **options)
+        self._flows: dict[Any, tuple[asyncio.Queue[bytes], asyncio.Task[None]]] = {}
+        self._guard = _bound(self.port)  # keeps the port while it is closed
+        self._guard.connect(_NOBODY)
+        self.port = int(self._guard.getsockname()[1])
+        self._door: Any = None
+        self._opening: asyncio.TimerHandle | None = None
+
+    @property
+    def away(self) -> bool:
+        return self._door is None
+
+    def heal(self) -> None:
+        super().heal()
+        assert self._loop is not None
+        asyncio.run_coroutine_threadsafe(self._open(), self._loop).result(10)
+
+    def refuse(self) -> None:
+        super().refuse()
+        assert self._loop is not None
+        asyncio.run_coroutine_threadsafe(self._shut(), self._loop).result(10)
+
+    async def _shut(self) -> None:
+        door, self._door = self._door, None
+        if door is not None:
+            door.abort()
+            await asyncio.sleep(0)  # closed in the next turn of the loop
+
+    async def _open(self) -> None:
+        assert self._loop is not None
+        if self._opening is not None:
+            self._opening.cancel()
+        if self._door is None:
+            self._door, _ = await self._loop.create_datagram_endpoint(
+                lambda: _Datagrams(self._forward), sock=_bound(self.port)
+            )
+
+    def _close_port(self) -> None:
+        assert self._loop is not None
+        if self._door is not None:
+            self._door.abort()
+        self._door = None
+        self._opening = self._loop.call_later(self._away_s, lambda: asyncio.ensure_future(self._open()))
+
+    def _forward(self, data: bytes, client: Any) -> None:
+        if client not in self._flows:
+            requests: asyncio.Queue[bytes] = asyncio.Queue()
+            self._flows[client] = requests, asyncio.ensure_future(self._flow(client, requests))
+            if len(self._flows) > CLIENTS:
+                oldest = next(iter(self._flows))
+                self._flows.pop(oldest)[1].cancel()
+        self._flows[client][0].put_nowait(data)
+
+    async def _flow(self, client: Any, requests: asyncio.Queue[bytes]) -> None:
+        """Forward the datagrams of one client's port, both ways."""
+        assert self._loop is not None
+        answers: asyncio.Queue[bytes] = asyncio.Queue()
+        device, _ = await self._loop.create_datagram_endpoint(
+            lambda: _Datagrams(lambda data, _: answers.put_nowait(data)),
+            remote_addr=("127.0.0.1", self.device_port),
+        )
+
+        def spoiler(writer: _DatagramWriter) -> DatagramSpoiler:
+            return DatagramSpoiler(writer, self._delay_s, self._rng, self.device, self._close_port)
+
+        back, forth = (
+            spoiler(_DatagramWriter(lambda: self._door, client)),
+            spoiler(_DatagramWriter(lambda: device)),
+        )
+
+        async def answered() -> None:
+            while True:
+                message = await answers.get()
+                await self._pass(message, back, FAULTS)
+                back.previous = message
+
+        pump = asyncio.create_task(answered())
+        try:
+            while True:
+                request = await requests.get()
+                if not back.silent:
+                    await self._pass(request, forth, REQUEST_FAULTS)
+        finally:
+            pump.cancel()
+            device.close()
+
+    async def _main(self) -> None:
+        self._loop, self._finish = asyncio.get_running_loop(), asyncio.Event()
+        try:
+            await self._open()
+        finally:
+            self._ready.set()
+        await self._finish.wait()
+        await self._shut()
+        self._guard.close()
+        tasks = [task for _, task in self._flows.values()]
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+def _bound(port: int) -> socket.socket:
+    """Return a socket on a port, which others of this proxy may share; 0 is a free one."""
+    sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    sock.setsockopt(socket.SOL_SOCKET, getattr(socket, "SO_REUSEPORT", socket.SO_REUSEADDR), 1)
+    sock.bind(("127.0.0.1", port))
+    return sock

@@ -49,13 +49,10 @@ class SimulatedDevices:
             cell,
             operator=RehearsalOperator() if cell.rehearsed else operator,
             person=ManualCellOperator(self._port(by_hand[0])) if by_hand else None,
-            robot_url=self._url(cell.robot.driver),
-            instrument_url=self._url(cell.instrument.driver),
+            robot_url=f"{cell.robot.declared.scheme}://127.0.0.1:{self._port(cell.robot.driver)}",
+            instrument_url=f"tcp://127.0.0.1:{self._port(cell.instrument.driver)}",
             hands=SimulatedHands(self.ports[_LAST]),
         )
-
-    def _url(self, driver: str) -> str:
-        return f"tcp://127.0.0.1:{self._port(driver)}"
 
     def _port(self, driver: str) -> int:
         if driver not in self.ports:

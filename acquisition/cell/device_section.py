@@ -6,12 +6,20 @@ from collections.abc import Collection, Mapping
 from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeVar
 
-from pydantic import GetJsonSchemaHandler, create_model, model_validator
+from pydantic import Field, GetJsonSchemaHandler, Strict, create_model, model_validator
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
 from acquisition.file_table import ADD, Place, Table, Text, Written, no_default, refused, told
-from drivers import INSTRUMENTS, InstrumentDriver, Option, RobotDriver, TextOption, instrument_driver
+from drivers import (
+    INSTRUMENTS,
+    InstrumentDriver,
+    NumbersOption,
+    Option,
+    RobotDriver,
+    TextOption,
+    instrument_driver,
+)
 from drivers.errors import ConfigError
 
 
@@ -39,7 +47,7 @@ class DeviceSection(Table):
     ] = ""
 
     @property
-    def options(self) -> dict[str, float | str]:
+    def options(self) -> dict[str, Any]:
         """The values of the keys that only the driver uses, as far as they are given."""
         known = () if self.of_driver is None else self.of_driver.options
         found = {option.key: vars(self)[option.key] for option in known}
@@ -72,15 +80,24 @@ Device = TypeVar("Device", bound=DeviceSection)
 @cache
 def for_driver(base: type[Device], driver: RobotDriver | InstrumentDriver) -> type[Device]:
     """Return the table of a device with the keys of its driver."""
-    fields: dict[str, Any] = {option.key: _field(option) for option in driver.options}
+    fields: dict[str, Any] = {option.key: _field(option, driver) for option in driver.options}
     if not driver.by_hand:
         fields["url"] = Annotated[Text, told(base.model_fields["url"].description or "", "")], ...
     known: Any = ClassVar[RobotDriver | InstrumentDriver], driver
     return create_model(base.__name__, __base__=base, of_driver=known, **fields)
 
 
-def _field(option: Option | TextOption) -> tuple[Any, Any]:
+def _field(
+    option: Option | TextOption | NumbersOption, driver: RobotDriver | InstrumentDriver
+) -> tuple[Any, Any]:
     """Return type and default of the key of an option."""
+    if isinstance(option, NumbersOption):
+        assert isinstance(driver, RobotDriver)
+        each = Annotated[float, Field(gt=0.0)]
+        count = Field(min_length=driver.joints, max_length=driver.joints)
+        return Annotated[
+            tuple[each, ...], Strict(False), count, told(option.words, [1000.0] * driver.joints)
+        ], ...
     if isinstance(option, TextOption):
         one_of: Any = Literal
         kind: Any = one_of[option.allowed] if option.allowed else Text

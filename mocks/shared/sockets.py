@@ -1,4 +1,4 @@
-"""TCP servers of the simulators on loopback: started, listed and closed in one place."""
+"""Servers of the simulators on loopback: started, listed and closed in one place."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 _TURNS = 8  # of the event loop, more than from a socket just accepted to a handler that runs
 
@@ -20,9 +21,30 @@ class Endpoint:
     protocol: str
     port: int
     host: str = "127.0.0.1"
+    scheme: str = "tcp"  # or "udp"
+
+    @property
+    def url(self) -> str:
+        return f"{self.scheme}://{self.host}:{self.port}"
 
     def line(self) -> dict[str, str | int]:
-        return {"device": self.device, "protocol": self.protocol, "host": self.host, "port": self.port}
+        line = {"device": self.device, "protocol": self.protocol, "host": self.host, "port": self.port}
+        return line if self.scheme == "tcp" else {**line, "url": self.url}
+
+
+class _Answering(asyncio.DatagramProtocol):
+    """Answers each datagram to where it came from, or not at all."""
+
+    def __init__(self, answer: Callable[[bytes], bytes | None]) -> None:
+        self._answer = answer
+        self._transport: Any = None  # CPython's own is no asyncio.DatagramTransport
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        self._transport = transport
+
+    def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
+        if (answer := self._answer(data)) is not None:
+            self._transport.sendto(answer, addr)
 
 
 class Servers:
@@ -30,6 +52,7 @@ class Servers:
 
     def __init__(self) -> None:
         self._servers: list[asyncio.Server] = []
+        self._datagrams: list[asyncio.DatagramTransport] = []
         self._tasks: set[asyncio.Task[None]] = set()
         self._writers: set[asyncio.StreamWriter] = set()
 
@@ -59,6 +82,21 @@ class Servers:
         server = await asyncio.start_server(connected, "127.0.0.1", port)
         self._servers.append(server)
         return int(server.sockets[0].getsockname()[1])
+
+    async def listen_datagrams(self, answer: Callable[[bytes], bytes | None], port: int = 0) -> int:
+        """Answer the datagrams to a port, 0 for a free one, and return the port.
+
+        Raises
+        ------
+        OSError
+            The port is taken.
+        """
+        loop = asyncio.get_running_loop()
+        transport, _ = await loop.create_datagram_endpoint(
+            lambda: _Answering(answer), local_addr=("127.0.0.1", port)
+        )
+        self._datagrams.append(transport)
+        return int(transport.get_extra_info("sockname")[1])
 
     async def listen_pair(self, first: Handler, second: Handler, port: int = 0) -> tuple[int, int]:
         """Listen on two neighbouring ports, like 5000 and 5001 of an IRC5.
@@ -105,6 +143,8 @@ class Servers:
         and those become connections, which are closed like the others.
         """
         loop = asyncio.get_running_loop()
+        for transport in self._datagrams:
+            transport.close()
         for server in self._servers:
             for each in server.sockets:
                 loop.remove_reader(each.fileno())

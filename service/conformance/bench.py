@@ -79,7 +79,8 @@ class _Bench:
     driver : str
         Name of the driver as declared (entry point group `truepose.drivers`).
     url : str
-        Address for the driver. `{port}` is the port of the proxy, `{device}` the simulator (`{device.other_port}`).
+        Address for the driver. `{port}` is the port of the proxy, `{device}` the simulator (`{device.other_port}`). A
+        robot whose address begins with `udp:` has datagrams for messages.
     end : bytes
         Bytes that end an answer on the wire. It is empty if answers have no end mark; all bytes that arrive at once
         are then one answer.

@@ -27,7 +27,7 @@ from drivers import (
     RobotArm,
     open_robot,
 )
-from mocks.faultproxy import FaultProxy
+from mocks.faultproxy import DatagramProxy, FaultProxy
 from service.conformance import common
 from service.conformance.bench import RobotBench, SimulatedRobot
 from service.conformance.common import DriverRig, RequirementFailed, hold, refused
@@ -103,7 +103,8 @@ def rig(bench: RobotBench) -> Iterator[DriverRig]:
         def do(order: str, **values: float) -> object:
             return orders.get(order, lambda **values: None)(**values)
 
-        proxy = on.stack.enter_context(FaultProxy(on.robot.port, boundary=bench.end, device=do))
+        kind = DatagramProxy if bench.url.startswith("udp:") else FaultProxy
+        proxy = on.stack.enter_context(kind(on.robot.port, boundary=bench.end, device=do))
         arm = on.arm(on.url(proxy.port))
         goals: list[tuple[float, ...]] = []
 

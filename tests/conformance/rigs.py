@@ -10,11 +10,13 @@ from tests.conformance.abb_rigs import ABB_RIGS
 from tests.conformance.fanuc_rigs import FANUC_RIGS
 from tests.conformance.instrument_rigs import INSTRUMENT_RIGS
 from tests.conformance.ur_rigs import UR_RIGS
+from tests.conformance.yaskawa_rigs import YASKAWA_RIGS
 
 RIGS: dict[str, Callable[[ExitStack], DriverRig]] = {
     **ABB_RIGS,
     **FANUC_RIGS,
     **UR_RIGS,
+    **YASKAWA_RIGS,
     **INSTRUMENT_RIGS,
 }
 # What comes back on this connection is used once, to see that a controller is there: only its requests are spoiled.

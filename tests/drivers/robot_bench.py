@@ -3,9 +3,17 @@
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from drivers import AbbDeadlines, AbbSimpleDeadlines, FanucDeadlines, UrDeadlines, open_robot
+from drivers import (
+    AbbDeadlines,
+    AbbSimpleDeadlines,
+    FanucDeadlines,
+    UrDeadlines,
+    YaskawaDeadlines,
+    open_robot,
+)
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
+from mocks.yaskawa.controller import MAX_DEG_S, PULSES_PER_DEG
 
 
 @dataclass(frozen=True)
@@ -65,6 +73,7 @@ UR = Bench(
     far=(90.0, -60.0, 30.0, 40.0, 50.0, 60.0),
     more={"watchdog_s": 30.0},
 )
+CALM = YaskawaDeadlines(reply_s=5.0, start_s=30.0, settle_s=30.0, move_margin_s=60.0, gap_s=0.001)
 BENCHES = {
     "abb": ABB,
     "abb-stock": replace(ABB, stock=True, identity=(*IRB_120[:2], "open_abb")),
@@ -88,8 +97,25 @@ BENCHES = {
         for kind in ("hmi", "io")
     },
     "ur-rtde": UR,
+    "yaskawa": Bench(
+        "yaskawa",
+        "yaskawa",
+        ("Yaskawa", "GP7", "hses"),
+        CALM,
+        replace(CALM, settle_s=0.2),
+        YaskawaDeadlines(reply_s=0.3, tries=1),
+        robot="yaskawa-gp7",
+        more={"pulses_per_deg": PULSES_PER_DEG, "max_deg_s": MAX_DEG_S},
+    ),
     "ur-realtime": replace(UR, query="?feed=realtime", identity=(*UR.identity[:2], "realtime")),
 }
 FANUC_WIRES = ["mappdk", "mappdk-cal", "modbus-hmi", "modbus-io"]
-STOPPABLE = ["abb", "abb-simple", "mappdk-cal", "modbus-hmi", "modbus-io"]  # of a UR: test_ur_stop.py
+STOPPABLE = [
+    "abb",
+    "abb-simple",
+    "mappdk-cal",
+    "modbus-hmi",
+    "modbus-io",
+    "yaskawa",
+]  # of a UR: test_ur_stop.py
 REPORTING = [*STOPPABLE, "abb-stock", "mappdk"]  # the end of a move; a UR's is seen in its states: test_ur.py

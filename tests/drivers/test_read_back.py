@@ -6,13 +6,15 @@ The report of its controller does not matter.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import pytest
 
-from drivers import AbbArm, AbbSimpleArm, FanucArm, MotionStopped, NotArmed, NotReached, UrArm
+from drivers import AbbArm, AbbSimpleArm, FanucArm, MotionStopped, NotArmed, NotReached, UrArm, YaskawaArm
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
+from mocks.yaskawa.controller import MAX_DEG_S, PULSES_PER_DEG
 
 CELL = CellFile(time_scale=5000.0, effects=("none",))
 BESIDE_DEG = 0.2  # more than any servo leaves, less than anybody sees
@@ -21,6 +23,11 @@ ARMS: dict[str, tuple[Any, str, dict[str, float]]] = {  # driver, robot of the c
     "abb-simple": (AbbSimpleArm, "abb-irb120", {"still_s": 0.3}),
     "fanuc": (FanucArm, "fanuc-lrmate200ic", {"settle_s": 0.3}),
     "ur": (UrArm, "ur5", {"settle_s": 0.3}),
+    "yaskawa": (
+        partial(YaskawaArm, pulses_per_deg=PULSES_PER_DEG, max_deg_s=MAX_DEG_S),
+        "yaskawa-gp7",
+        {"settle_s": 0.3},
+    ),
 }
 
 

@@ -1,0 +1,1 @@
+"""Yaskawa Motoman controllers over the High-Speed Ethernet Server (`drivers.yaskawa.arm`)."""
