@@ -23,10 +23,13 @@ from drivers import (
     RobotArm,
     UrArm,
     WireSink,
+    YaskawaArm,
+    YaskawaDeadlines,
 )
 from mocks.cell import CellThread, make_world
 from mocks.cell_file import CellFile
 from mocks.world import ArmState
+from mocks.yaskawa.controller import MAX_DEG_S, PULSES_PER_DEG
 
 SCALE = 10_000.0
 PLAIN = CellFile(time_scale=SCALE, effects=("none",))
@@ -114,8 +117,19 @@ def _quick_fanuc(url: str, wire: WireSink | None) -> FanucArm:
     return FanucArm(url, wire=wire, deadlines=FanucDeadlines(gap_s=0.001))
 
 
+def _quick_yaskawa(url: str, wire: WireSink | None) -> YaskawaArm:
+    return YaskawaArm(
+        url,
+        pulses_per_deg=PULSES_PER_DEG,
+        max_deg_s=MAX_DEG_S,
+        wire=wire,
+        deadlines=YaskawaDeadlines(gap_s=0.001),
+    )
+
+
 FANUC = CellFile(robot="fanuc-lrmate200ic", time_scale=SCALE, effects=("none",))
 UR = CellFile(robot="ur5", time_scale=SCALE, effects=("none",))
+YASKAWA = CellFile(robot="yaskawa-gp7", time_scale=SCALE, effects=("none",))
 UR_PORTS = "&realtime={ur_realtime}&secondary={ur_secondary}&dashboard={ur_dashboard}"
 
 READINGS: dict[str, Setup] = {
@@ -128,6 +142,7 @@ READINGS: dict[str, Setup] = {
     "fanuc, Modbus io": robot(_quick_fanuc, "fanuc-modbus-io", FANUC, "?modbus=io"),
     "ur, RTDE": robot(UrArm, "ur", UR, "?feed=rtde" + UR_PORTS),
     "ur, 30003": robot(UrArm, "ur", UR, "?feed=realtime" + UR_PORTS),
+    "yaskawa, HSES": robot(_quick_yaskawa, "yaskawa", YASKAWA),
     "faro, MBP/1": meter(FaroTracker, "faro", heartbeat_s=None),
     "leica, MBP/1": meter(LeicaTracker, "leica", heartbeat_s=None),
     "leica, emScon": meter(EmsconTracker, "emscon"),

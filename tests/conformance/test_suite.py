@@ -33,21 +33,23 @@ from service.conformance import (
 from service.conformance.instrument import PROMISES as OF_INSTRUMENTS
 from service.conformance.robot import PROMISES as OF_ROBOTS
 from tests.conformance.truth import SCALE
+from tests.conformance.yaskawa_rigs import CELL, NUMBERS, PATIENT
+from tests.conformance.yaskawa_rigs import HASTY as HASTY_YASKAWA
 from tests.drivers.instrument_bench import BENCHES, PLACE
 
 ROOT = Path(__file__).parents[2]
 
 
 class Robot:
-    """Simulated ABB behind the interface of a bench."""
+    """Simulated ABB or Yaskawa behind the interface of a bench."""
 
-    def __init__(self, cell: CellThread) -> None:
+    def __init__(self, cell: CellThread, device: str) -> None:
         assert cell.cell is not None
         self._cell, self._arm = cell, cell.cell.arm
         self._start = self._arm.start
         self._deg_s, self._share = 0.0, 1.0
-        self.port = cell.port("abb")
-        self.background = cell.port("abb-background")
+        self.port = cell.port(device)
+        self.background = cell.port("abb-background") if device == "abb" else 0
         self._arm.start = self._begin  # type: ignore[method-assign, assignment]
 
     def _begin(self, target: tuple[float, ...], rate_deg_s: float, tool_mm_s: float) -> None:
@@ -99,7 +101,13 @@ class Instrument:
 @contextmanager
 def abb() -> Iterator[SimulatedRobot]:
     with CellThread(CellFile(time_scale=SCALE, effects=("none",))) as cell:
-        yield Robot(cell)
+        yield Robot(cell, "abb")
+
+
+@contextmanager
+def yaskawa() -> Iterator[SimulatedRobot]:
+    with CellThread(CELL, devices=("yaskawa",)) as cell:
+        yield Robot(cell, "yaskawa")
 
 
 @contextmanager
@@ -119,6 +127,14 @@ HASTY = AbbDeadlines(move_margin_s=0.3, move_factor=0.0, reply_s=0.5, settle_s=0
 ABB = RobotBench(
     driver="abb", simulate=abb, url="tcp://127.0.0.1:{port}?background={device.background}", hasty=HASTY
 )
+YASKAWA = RobotBench(
+    driver="yaskawa",
+    simulate=yaskawa,
+    url="udp://127.0.0.1:{port}",
+    options=NUMBERS,
+    patient=PATIENT,
+    hasty=replace(HASTY_YASKAWA, reply_s=0.5, tries=3, settle_s=0.3),
+)
 FARO = InstrumentBench(driver="faro", simulate=faro, targets=("T1", "N1", "T2"), end=b"\n", options=QUIET)
 QC20W = InstrumentBench(
     driver="qc20w",
@@ -131,6 +147,7 @@ QC20W = InstrumentBench(
 )
 NAMED = [
     *(pytest.param(ABB, text, id=f"abb-{text}") for text in OF_ROBOTS),
+    *(pytest.param(YASKAWA, text, id=f"yaskawa-{text}") for text in OF_ROBOTS),
     *(pytest.param(FARO, text, id=f"faro-{text}") for text in OF_INSTRUMENTS),
     *(
         pytest.param(QC20W, text, id=f"qc20w-{text}")

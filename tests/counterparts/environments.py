@@ -92,6 +92,7 @@ def _call(*arguments: str) -> None:
 FANUCPY = Environment("fanucpy", "simulated Fanuc, MAPPDK text: moves it")
 UR_RTDE = Environment("ur-rtde", "simulated UR, RTDE: reads it while our driver moves it")
 CESAPI = Environment("cesapi", "simulated emScon: measures with it; emScon driver: serves its commands")
+YRCOM = Environment("yrcom", "simulated Yaskawa, HSES: moves it; Yaskawa driver: replays what it recorded")
 DCC = Environment("dcc", "digital calibration certificate: reads it, its schema's types and its units")
 POSTGRES = Environment("postgres", "store of a plant: keeps it")
-ENVIRONMENTS = (FANUCPY, UR_RTDE, CESAPI, DCC, POSTGRES)
+ENVIRONMENTS = (FANUCPY, UR_RTDE, CESAPI, YRCOM, DCC, POSTGRES)

@@ -67,6 +67,11 @@ def files_of(example: str, campaign: str = "campaign") -> tuple[Cell, Campaign]:
             {("calibration", 1): 38, ("repeat", 1): 20, ("validation", 1): 20, ("reference", 1): 4},
         ),
         (
+            "gp7_faro",
+            "campaign",
+            {("calibration", 3): 30, ("validation", 3): 10},
+        ),
+        (
             "lrmate_ballbar",
             "campaign",
             {("calibration", 6): 61, ("validation", 6): 8, ("validation", 1): 40},
