@@ -33,7 +33,8 @@ from drivers.errors import ConfigError, LinkError, LinkLost, LinkTimeout, Protoc
 
 _CHUNK = 4096
 
-_CLOSED = "Cable and power are in order: start the program that listens there, or correct the port."
+CLOSED = "Cable and power are in order: start the program that listens there, or correct the port."
+"""What to do if a device answers that nothing listens at its port."""
 
 _HOST = re.compile(r"[A-Za-z0-9_.:-]+")
 
@@ -181,7 +182,7 @@ class TcpLink:
                 f"{where} not reachable: the device answers, its port is closed",
                 device=self.device,
                 command="connect",
-                what_to_do=" ".join(filter(None, (_CLOSED, self._enabled_at))),
+                what_to_do=" ".join(filter(None, (CLOSED, self._enabled_at))),
             ) from error
         except OSError as error:
             raise LinkLost(

@@ -137,10 +137,6 @@ class YaskawaArm:
 
     unverified_on_hardware = True
     can_stop = True
-    weakness = (
-        "nothing on the controller watches this program: if the network fails during a move, the robot goes on to the "
-        "target of that move"
-    )
 
     def __init__(
         self,
@@ -198,7 +194,11 @@ class YaskawaArm:
             The robot is moving.
         """
         if not self._warned:
-            _LOG.warning("%s: this Yaskawa driver is unverified on hardware; %s", self.name, self.weakness)
+            _LOG.warning(
+                "%s: this Yaskawa driver is unverified on hardware; if the network fails during a move, nothing stops "
+                "the robot before its target",
+                self.name,
+            )
         self._warned = True
         with self._lock:
             self.disconnect()

@@ -39,7 +39,7 @@ from drivers.errors import (
     ProtocolError,
     WrongMode,
 )
-from drivers.link import Address, WireSink
+from drivers.link import CLOSED, Address, WireSink
 
 JOINTS = 6
 JOB = "TRUEPOSE1"  # the program of the robot side and its version
@@ -340,7 +340,7 @@ class HsesLink:
                 f"{where} not reachable: the device answers, its port is closed",
                 device=self.device,
                 command=command,
-                what_to_do="Enable the Ethernet server of the controller, or correct the port (10040).",
+                what_to_do=f"{CLOSED} The High-Speed Ethernet Server (10040) is enabled on the controller.",
             )
         return LinkLost(
             f"{where} not reachable: {error.strerror or error}", device=self.device, command=command

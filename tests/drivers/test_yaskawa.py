@@ -14,6 +14,8 @@ from functools import partial
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from acquisition.cell import cell_from
 from calib.text import read_toml
@@ -31,6 +33,9 @@ from drivers import (
     YaskawaArm,
     YaskawaDeadlines,
 )
+from drivers.link import Address
+from drivers.yaskawa.hses import STATUS as STATUS_QUESTION
+from drivers.yaskawa.hses import HsesLink, Question, refusal
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
 from mocks.yaskawa.controller import MAX_DEG_S, YaskawaController, shipped_job
@@ -44,7 +49,7 @@ CALM = YaskawaDeadlines(reply_s=5.0, start_s=30.0, settle_s=30.0, move_margin_s=
 NUMBERS = {"pulses_per_deg": MA1440, "max_deg_s": MAX_DEG_S}
 TARGET = (10.0, 20.0, 30.0, 40.0, 50.0, 60.0)
 FAR = (90.0, 60.0, 30.0, 40.0, 50.0, 60.0)
-HOLD, START, SELECT, STATUS = 0x83, 0x86, 0x87, 0x72
+HOLD, START = 0x83, 0x86
 
 
 @contextmanager
@@ -440,6 +445,61 @@ def test_a_job_of_more_axes_is_refused(cell: CellThread) -> None:
 
     with Relay(cell.port("yaskawa"), deal) as relay, pytest.raises(ProtocolError, match="six axes"):
         relayed(relay).connect()
+
+
+def answered(question: Question, data: bytes) -> bool:
+    """Whether a datagram is taken for the answer to the first request of a connection."""
+    link = HsesLink(Address("h", 1), "yaskawa", CALM, time.monotonic)
+    link._number = 1
+    return link._is_answer(question, data)
+
+
+GOOD = bytes.fromhex(
+    "59455243 2000 0800 03 01 01 01 00000080 3939393939393939 81 00 00 00 0000 0000"
+) + bytes(8)
+SILENT = {11}  # the number of another request
+SECOND = {
+    12,
+    13,
+    14,
+    15,
+    25,
+    26,
+    27,
+    28,
+    29,
+    30,
+    31,
+}  # block, status and padding decide nothing about the form
+
+
+def test_an_answer_byte_by_byte() -> None:
+    """As the DX100 manual prints the answer to a status request; only fields of the form may not change."""
+    assert answered(STATUS_QUESTION, GOOD)
+    for place in range(32):
+        changed = GOOD[:place] + bytes([GOOD[place] ^ 4]) + GOOD[place + 1 :]
+        if place in SILENT:
+            assert not answered(STATUS_QUESTION, changed)
+        elif place in SECOND - {25}:
+            assert answered(STATUS_QUESTION, changed)
+        else:  # a status of 4 has no data
+            with pytest.raises(ProtocolError):
+                answered(STATUS_QUESTION, changed)
+
+
+@given(st.one_of(st.binary(max_size=120), st.binary(max_size=80).map(lambda rest: GOOD[:16] + rest)))
+def test_any_bytes_as_an_answer(data: bytes) -> None:
+    if data[:25] != GOOD[:25]:
+        with pytest.raises(ProtocolError):
+            answered(STATUS_QUESTION, data)
+
+
+@given(st.integers(0, 255), st.integers(0, 0xFFFF))
+def test_any_refusal_is_an_error_of_ours(status: int, added: int) -> None:
+    found = refusal(status, added, "yaskawa", STATUS_QUESTION, b"")
+    assert isinstance(found, AcquisitionError)
+    assert found.what_to_do
+    assert isinstance(found, ProtocolError) == (status != 0x1F)
 
 
 # -- pulses and speeds ---------------------------------------------------------------------------------------

@@ -22,10 +22,13 @@ from drivers import (
     Qc20w,
     UrArm,
     UrDeadlines,
+    YaskawaArm,
+    YaskawaDeadlines,
 )
 from mocks.cell import CellThread, make_world
 from mocks.cell_file import CellFile
 from mocks.world import ArmState
+from mocks.yaskawa.controller import MAX_DEG_S, PULSES_PER_DEG
 
 FAST = CellFile(time_scale=10_000.0, effects=("none",))
 STILL = ArmState((0.0,) * 6, (0.0,) * 6, (1,) * 6)
@@ -90,6 +93,15 @@ def ur_arm(url: str) -> UrArm:
     )
 
 
+def yaskawa_arm(url: str) -> YaskawaArm:
+    return YaskawaArm(
+        url.replace("tcp:", "udp:"),
+        pulses_per_deg=PULSES_PER_DEG,
+        max_deg_s=MAX_DEG_S,
+        deadlines=YaskawaDeadlines(reply_s=PATIENT_S, gap_s=0.001),
+    )
+
+
 LRMATE, UR5 = replace(FAST, robot="fanuc-lrmate200ic"), replace(FAST, robot="ur5")
 BENCHES = {
     "abb": Bench("abb", "abb", abb_arm),
@@ -100,6 +112,7 @@ BENCHES = {
     "fanuc-io": Bench("fanuc", "fanuc-modbus-io", lambda url: fanuc_arm(f"{url}?modbus=io"), LRMATE),
     "fanuc-hmi": Bench("fanuc", "fanuc-modbus-hmi", lambda url: fanuc_arm(f"{url}?modbus=hmi"), LRMATE),
     "ur": Bench("ur", "ur", ur_arm, UR5),
+    "yaskawa": Bench("yaskawa", "yaskawa", yaskawa_arm, replace(FAST, robot="yaskawa-gp7")),
     "faro": Bench("faro", "faro", lambda url: FaroTracker(url, **BRIDGE)),
     "leica": Bench("leica", "leica", lambda url: LeicaTracker(url, **BRIDGE)),
     "leica-30mm": Bench("leica", "leica", lambda url: LeicaTracker(url, reflector_mm=30.0, **BRIDGE)),

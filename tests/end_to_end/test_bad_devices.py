@@ -161,6 +161,9 @@ CASES = [
         "motors off", "fanuc", first("motors", arm, on=False), WrongMode, 3004, "servo power off", "motors on"
     ),
     Case("motors off", "ur", first("motors", arm, on=False), WrongMode, 3004, "idle", "release its brakes"),
+    Case("manual mode", "yaskawa", first("mode", arm, mode="manual"), WrongMode, 3004, "teach", "REMOTE"),
+    Case("motors off", "yaskawa", first("motors", arm, on=False), WrongMode, 3004, "servo", "motors on"),
+    Case("an alarm stands", "yaskawa", first("supervise", arm), ProtectiveStop, 4002, "4315", "reset it"),
     # emergency stop, protective stop
     *(
         Case(
@@ -278,7 +281,7 @@ CASES = [
             "joint 1 to nan",
             "Remove this pose",
         )
-        for bench in ("abb", "abb-stock", "abb-simple", "fanuc", "fanuc-io", "fanuc-hmi", "ur")
+        for bench in ("abb", "abb-stock", "abb-simple", "fanuc", "fanuc-io", "fanuc-hmi", "ur", "yaskawa")
     ),
     # another client has it
     *(

@@ -26,6 +26,7 @@ _FANUC = (
     "tests/drivers/test_fanuc_mappdk.py",
     "tests/drivers/test_fanuc_transcripts.py",
 )
+_YASKAWA = ("tests/drivers/test_yaskawa.py", "tests/drivers/test_read_back.py")
 _MBP = (
     "tests/drivers/test_reading_parsers.py",
     "tests/drivers/test_parsers.py",
@@ -35,6 +36,55 @@ _MBP = (
 )
 
 CHANGES = (
+    Change(
+        "drivers/yaskawa/robot_side/TRUEPOSE1.JBI",
+        "JUMP *OVER IF D090=D093",
+        "JUMP *OVER IF D090=D099",
+        "a start that comes twice moves a Yaskawa twice",
+        _YASKAWA,
+    ),
+    Change(
+        "drivers/yaskawa/robot_side/TRUEPOSE1.JBI",
+        "JUMP *OTHER IF D094<>D091",
+        "JUMP *OTHER IF D094<>D094",
+        "a Yaskawa moves to a target that was damaged on its way",
+        _YASKAWA,
+    ),
+    Change(
+        "drivers/yaskawa/hses.py",
+        "                if number != self._number:",
+        "                if number > 255:",
+        "a late answer of a Yaskawa is taken for the answer to a later question",
+        _YASKAWA,
+    ),
+    Change(
+        "drivers/yaskawa/arm.py",
+        "        self._link.ask_once(hses.START)",
+        "        self._link.ask(hses.START)",
+        "the start of a Yaskawa's job is sent again when its answer is lost",
+        _YASKAWA,
+    ),
+    Change(
+        "drivers/yaskawa/arm.py",
+        "            self._write(hses.SUM, -1)\n",
+        "",
+        "a start that was delayed moves an armed Yaskawa to its last target",
+        _YASKAWA,
+    ),
+    Change(
+        "drivers/yaskawa/arm.py",
+        "            self._stop_link.open()",
+        "            self._stop_link = self._link",
+        "the stop of a Yaskawa waits for the answer to another question",
+        _YASKAWA,
+    ),
+    Change(
+        "drivers/yaskawa/arm.py",
+        "        hold_deg: float = 0.003,",
+        "        hold_deg: float = 1.0,",
+        "a Yaskawa that stands a degree from its target is believed to have arrived",
+        _YASKAWA,
+    ),
     Change(
         "drivers/operator.py",
         "        except (OSError, ValueError) as error:  # its",
