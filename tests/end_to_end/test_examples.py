@@ -5,6 +5,7 @@ The campaigns with devices that have a simulator are run.
 
 from __future__ import annotations
 
+import csv
 import tomllib
 from collections import Counter
 from collections.abc import Mapping
@@ -128,6 +129,28 @@ def test_it_runs_on_its_simulated_cell(example: str, hidden: float, tmp_path: Pa
     turned = np.isfinite(dataset.orientation[dataset.usable]).all()
     assert turned == (example == "irb120_ctrack")  # cameras see bodies, trackers points
     assert 0.7 < identify(dataset).noise_scale < 1.25  # the cameras' noise is declared with some reserve
+
+
+def test_a_yaskawa_is_driven_by_pulses_and_identified(tmp_path: Path) -> None:
+    """The data set has the joints that were read back, to half a pulse of the coarsest joint."""
+    blocks = read_toml(EXAMPLES / "gp7_faro" / "campaign.toml")[1]["block"]
+    few = [block | {"count": block["count"] // 2, "select": "random"} for block in blocks]
+    cell, campaign = faster("gp7_faro", "campaign", warm_up_s=0.0, block=few)
+    with run_simulated(tmp_path, cell, campaign) as run:
+        assert (run.status().skipped, run.status().total) == (0, 20 * 3)
+    data = export(tmp_path / "record", tmp_path / "data.csv")
+    with data.open(encoding="utf-8") as lines:
+        rows = list(csv.DictReader(lines))
+    per_deg = cell.robot.options["pulses_per_deg"]
+    for row in rows:
+        for k, per in enumerate(per_deg, start=1):
+            commanded, read = float(row[f"j{k}_deg"]), float(row[f"j{k}_read_deg"])
+            assert read == pytest.approx(commanded, abs=0.51 / per + 5e-5)
+    dataset = read_dataset(data)
+    fit = identify(dataset)
+    assert 0.7 < fit.noise_scale < 1.3
+    errors = errors_on(dataset, dataset.validation_rows, fit.model, fit.estimate)
+    assert np.sqrt(np.mean(errors**2)) < 0.1
 
 
 @pytest.mark.whole
