@@ -1,4 +1,4 @@
-"""A TCP or UDP proxy between driver and simulator that spoils answers or requests one by one.
+"""A proxy between driver and simulator that spoils answers or requests, over TCP or UDP.
 
 An answer is the data from the device up to `boundary`, or one received piece if the protocol has no boundary. A
 request is one received piece. Of a protocol of datagrams, both are one datagram. Faults are chosen by name, for a
@@ -141,7 +141,7 @@ class Spoiler:
 
 
 class DatagramSpoiler(Spoiler):
-    """One direction of one client's port, whose messages are datagrams: never joined, never divided."""
+    """A direction of a client's port. Its messages are datagrams, never joined or divided."""
 
     async def send(self, data: bytes) -> None:
         held, self.held = self.held, b""
@@ -363,7 +363,7 @@ _NOBODY = ("127.0.0.1", 9)
 
 
 class _Datagrams(asyncio.DatagramProtocol):
-    """Hands each datagram on with its sender; a port that refuses is passed over."""
+    """Hands each datagram on with its sender; a port that refuses is ignored."""
 
     def __init__(self, take: Callable[[bytes, Any], None]) -> None:
         self._take = take
@@ -388,7 +388,7 @@ class DatagramProxy(FaultProxy):
     """A proxy of datagrams; each port of a client counts as one connection.
 
     Where a connection would be closed, the proxy closes its port for `away_s` or until `heal`. The network reports that
-    to whoever sends there.
+    to a client that sends there.
     """
 
     def __init__(self, device_port: int, *, away_s: float = 1.5, **options: Any) -> None:

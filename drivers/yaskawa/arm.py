@@ -1,15 +1,16 @@
-"""A Yaskawa Motoman arm of six axes (DX100, DX200, YRC1000) over the High-Speed Ethernet Server.
+"""Yaskawa arms of six axes on DX100, DX200 or YRC1000, by the High-Speed Ethernet Server.
 
     udp://192.168.1.31:10040
 
 The controller counts pulses; `pulses_per_deg` of the cell file converts them. A move runs in the job `TRUEPOSE1` of
-the robot side. The driver writes target, speed, number and a checksum into variables, selects the job from its first
-line, so that a held one does not go on, and starts it once. The job takes a number only once and refuses a target that
-does not fit the checksum. Thus no repeated, late or damaged datagram moves the robot a second time or elsewhere.
+the robot side. The driver writes target, speed, number and a checksum into variables. It then selects the job from its
+first line, so that a held motion is not resumed, and starts it once. The job takes a number only once and refuses a
+target that does not fit the checksum. Thus no repeated, late or damaged datagram moves the robot a second time or
+elsewhere.
 
-A move has ended if the job reports its number as done, the controller reports no running job, and two readings of the
-position agree with each other and with the target. Everything that is read is read twice, because the protocol has no
-checksum. `stop` is a hold (command 0x83) from its own port of this computer, which waits for no other answer.
+A move has ended if three things agree. The job reports its number as done, the controller reports no running job, and
+two readings of the position agree with each other and with the target. Everything is read twice, because the protocol
+has no checksum. `stop` is a hold (command 0x83) from its own port of this computer, which waits for no other answer.
 
 Nothing here was tried on a controller yet.
 """
@@ -52,6 +53,7 @@ _VIEWS = 10  # until two readings in a row are equal
 _POLL_S = 0.02
 _LAST_NUMBER = 9_999_999
 _FULL_SPEED = 10_000  # VJ in 0.01 %
+_FIRST_LINES = 1  # NOP is line 0; a comment follows
 _MOVING, _DONE, _OTHER_TARGET = 1, 2, 3  # last digit of the job's echo
 _T = TypeVar("_T")
 
@@ -79,7 +81,7 @@ class ControllerState:
 
     @property
     def held(self) -> str:
-        """Who holds the robot, apart from this protocol; empty if nobody does."""
+        """Name of the pendant or signal that holds the robot; empty if it is not held."""
         return "the pendant" if self.flags & 0x02 else "an external signal" if self.flags & 0x04 else ""
 
     @property
@@ -95,7 +97,7 @@ class ControllerState:
         return bool(self.flags & 0x40)
 
     def trouble(self, device: str, command: str) -> AcquisitionError | None:
-        """Return the error that keeps the robot from moving, or that ended a move; None if there is none."""
+        """Return the error that prevents a move, or that ended it; None if there is none."""
         where = {"device": device, "command": command}
         moved = command == "move_to"
         if self.alarmed:
@@ -189,7 +191,7 @@ class YaskawaArm:
         Raises
         ------
         LinkError
-            Nobody answers, or not with this protocol.
+            There is no answer, or one of another protocol.
         Busy
             The robot is moving.
         """
@@ -247,7 +249,7 @@ class YaskawaArm:
     # -- arming -------------------------------------------------------------------------------------------
 
     def arm(self) -> None:
-        """Check the controller, void the last target, release our hold and select the job; allow motion.
+        """Check the controller, void the last target, release our hold; allow motion.
 
         Raises
         ------
@@ -280,8 +282,10 @@ class YaskawaArm:
             self._link.ask(hses.SELECT)
             self._number = self._read(hses.TAKEN)
             state = self._state()
-            if state.modes & 0x05 or not state.modes & 0x02:
-                raise ProgramNotReady("the cycle is not 1 CYCLE", device=self.name, command="arm")
+            if state.modes & 0x05 or not state.modes & 0x02 or state.held_by_command:
+                raise ProgramNotReady(
+                    "the controller is not in 1 CYCLE, or held by a command", device=self.name, command="arm"
+                )
             self._armed = True
             if self._stopped.is_set():
                 self._armed = False
@@ -370,6 +374,12 @@ class YaskawaArm:
         self._write(hses.SUM, hses.sum_of(self._number, speed, pulses))
         self._write(hses.NUMBER, self._number)
         self._link.ask(hses.SELECT)
+        # Selected from a later line, by a damaged request, it would move without its checks.
+        job = self._twice(lambda: self._link.ask(hses.SELECTED))
+        if _text(job[:32]) != JOB or int.from_bytes(job[32:36], "little") > _FIRST_LINES:
+            raise ProtocolError(
+                f"job {JOB} is not selected from its first line", device=self.name, command="move_to"
+            )
         if self._stopped.is_set():
             raise MotionStopped("asked to stop", device=self.name, command="move_to")
         self._under_way = True
@@ -379,7 +389,9 @@ class YaskawaArm:
         """Wait until the job has ended at this number."""
         begun = self._clock() + self.deadlines.start_s
         while True:
-            words, echo = self._twice(lambda: (self._words(), self._link.ask(hses.reading_of(hses.ECHO))))
+            words, echo = self._twice(
+                lambda: (_words(self._link), self._link.ask(hses.reading_of(hses.ECHO)))
+            )
             state = ControllerState(*words)
             number, code = divmod(int.from_bytes(echo, "little", signed=True), 10)
             ours = number == self._number
@@ -437,13 +449,20 @@ class YaskawaArm:
             before = now
 
     def _halt(self) -> None:
-        """Hold the robot, over a port of its own, so that no pending question delays it."""
+        """Hold the robot, over a separate port, so that no pending question delays it.
+
+        The hold is read back, and ordered again if it did not take effect.
+        """
         with self._stop_lock:
             self._stop_link.open()
             try:
-                self._stop_link.ask(hses.HOLD)
+                for _ in range(self.deadlines.tries):
+                    self._stop_link.ask(hses.HOLD)
+                    if ControllerState(*_words(self._stop_link)).held_by_command:
+                        return
             finally:
                 self._stop_link.close()
+        raise LinkTimeout("the hold was answered but is not in effect", device=self.name, command="stop")
 
     def _halt_quietly(self) -> None:
         self._under_way = False
@@ -451,7 +470,10 @@ class YaskawaArm:
             self._halt()
 
     def _pace(self, target: Sequence[float]) -> tuple[int, float]:
-        """Choose the speed in 0.01 %, at least 1, and the longest time of the move (s), within both speed limits."""
+        """Choose the speed (0.01 %, at least 1) and the longest time of a move (s).
+
+        The speed is within both speed limits.
+        """
         here = self._reading(self._twice(self._pulses)).joints_deg
         far = [abs(a - b) for a, b in zip(target, here, strict=True)]
         wanted_s = self._caps.seconds(far)
@@ -479,12 +501,8 @@ class YaskawaArm:
         self._link.close()
         raise ProtocolError("every answer is another one", device=self.name, command="status")
 
-    def _words(self) -> tuple[int, int]:
-        data = self._link.ask(hses.STATUS)
-        return int.from_bytes(data[:4], "little"), int.from_bytes(data[4:], "little")
-
     def _state(self) -> ControllerState:
-        state = ControllerState(*self._twice(self._words))
+        state = ControllerState(*self._twice(lambda: _words(self._link)))
         if not state.flags & 0x10:
             return state
         data = self._twice(lambda: self._link.ask(hses.ALARM))
@@ -504,6 +522,12 @@ class YaskawaArm:
 
     def _write(self, variable: int, value: int) -> None:
         self._link.ask(hses.writing_of(variable, value))
+
+
+def _words(link: HsesLink) -> tuple[int, int]:
+    """Return the two words of the status."""
+    data = link.ask(hses.STATUS)
+    return int.from_bytes(data[:4], "little"), int.from_bytes(data[4:], "little")
 
 
 def _text(data: bytes) -> str:

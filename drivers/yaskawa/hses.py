@@ -1,4 +1,4 @@
-"""High-Speed Ethernet Server (HSES) of Yaskawa controllers: questions, answers and refusals as UDP datagrams.
+"""High-Speed Ethernet Server (HSES) of Yaskawa controllers, over UDP.
 
 A datagram has a header of 32 bytes, little-endian, and up to 479 bytes of data:
 
@@ -10,9 +10,9 @@ A datagram has a header of 32 bytes, little-endian, and up to 479 bytes of data:
 | 24-31 | command, instance, attribute, service | service + 128, status, added status |
 
 UDP loses, repeats, delays and reorders datagrams. Only an answer with the number of the pending request is taken; one
-with another number is late or a repetition, and is passed over. Without an answer, a question is put again under a new
+with another number is late or a repetition, and is skipped. Without an answer, a question is put again under a new
 number, except the one that starts a job. A datagram of another form closes the connection. A new connection has a new
-port, so that no datagram of the old one arrives there. HSES has no checksum of its own: `arm.py` reads twice.
+port, so that no datagram of the old one arrives there. HSES has no checksum: `arm.py` reads twice.
 
 Sources: Yaskawa's instructions for the function (DX100 HW1480958, DX200 HW1481977, YRC1000 HW1483358), and for the
 order of the fields Yaskawa-Global/HSES_Dissector and hsinkoyu/fs100. Not tried on a controller.
@@ -81,7 +81,7 @@ class YaskawaDeadlines:
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """A request: its name for people, its four fields, its data, and the number of bytes of its answer."""
+    """A request with its name for people, its data, and the number of bytes of its answer."""
 
     name: str
     command: int
@@ -100,6 +100,7 @@ HOLD = Question("hold", 0x83, 1, 1, _SET, struct.pack("<I", 1))
 RELEASE = Question("release the hold", 0x83, 1, 1, _SET, struct.pack("<I", 2))
 ONE_CYCLE = Question("choose one cycle", 0x84, 2, 1, _SET, struct.pack("<I", 2))
 SELECT = Question(f"select job {JOB}", 0x87, 1, 0, _SET_ALL, JOB.encode().ljust(32, b"\0") + bytes(4))
+SELECTED = Question("read the selected job", 0x73, 1, 0, _GET_ALL, size=44)
 START = Question(f"start job {JOB}", 0x86, 1, 1, _SET, struct.pack("<I", 1))
 
 
@@ -184,7 +185,7 @@ def refusal(status: int, added: int, device: str, question: Question, raw: bytes
 
 
 class HsesLink:
-    """One client of a controller; questions from any thread, one at a time. `close` is always safe."""
+    """A client of a controller. Questions come from any thread, one at a time; `close` is always safe."""
 
     def __init__(
         self,
@@ -276,7 +277,7 @@ class HsesLink:
             return answer[32:]
 
     def _exchange(self, question: Question) -> bytes | None:
-        """Return the answer to a request as a datagram of the right form, None if none comes in time."""
+        """Send a request and return the datagram that answers it, None if none comes in time."""
         sock = self._open_socket(question)
         self._number = (self._number + 1) % 256
         request = (
@@ -305,7 +306,7 @@ class HsesLink:
         return None
 
     def _is_answer(self, question: Question, data: bytes) -> bool:
-        """Whether a datagram answers the pending request; False for an earlier one.
+        """Check whether a datagram answers the pending request; False for an earlier one.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""A simulated Yaskawa controller without its protocol: mode, servo, holds, alarms, jobs and pulses.
+"""Simulated Yaskawa controller without its protocol: mode, holds, alarms, jobs and pulses.
 
 The arm of the cell turns by angles; the controller counts pulses, `pulses_per_deg` of each joint.
 """
@@ -39,11 +39,9 @@ class YaskawaController:
     remote : bool
         The mode switch is at REMOTE, and command remote is allowed.
     holds : set of str
-        `pendant`, `external` and `command`, whatever holds the robot.
+        Those of `pendant`, `external` and `command` that hold the robot.
     file_busy : bool
         A person edits a job.
-    started : int
-        Number of motions that jobs have begun.
     """
 
     def __init__(
@@ -111,7 +109,7 @@ class YaskawaController:
     # -- orders -------------------------------------------------------------------------------------------
 
     def hold(self, who: str, *, on: bool) -> None:
-        """Hold the robot or release it. A job that was held goes on only when it is started."""
+        """Hold or release the robot. A held job continues only when it is started."""
         if on:
             self.holds.add(who)
             self.arm.wake()

@@ -231,7 +231,7 @@ class HsesServer:
         (line,) = struct.unpack("<I", data[32:])
         if name not in self.controller.jobs:
             raise vendor(0x4040)
-        if line > 9999:
+        if line >= len(self.controller.jobs[name].lines):
             raise vendor(0xB004)
         self.controller.select(name, line)
         return b""

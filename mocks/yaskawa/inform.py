@@ -1,4 +1,4 @@
-"""A simulated Yaskawa controller runs jobs in INFORM: the few instructions that a small job needs.
+"""Jobs of a simulated Yaskawa controller: the few instructions of INFORM that they need.
 
 They are `SET`, `ADD` and `MUL` on I and D variables, `GETE`, `JUMP` with one condition, labels, `MOVJ` to a P variable
 and comments. D variables have 32 bits, I variables 16, as in the controller: a result beyond them stops the job.
@@ -68,7 +68,7 @@ class Job:
         self._labels = {line: i for i, line in enumerate(self.lines) if line.startswith("*")}
 
     def step(self, at: int, variables: Variables) -> tuple[int | None, JointMotion | None]:
-        """Carry out the line `at`; return the next line, None at the end, and the motion that it begins.
+        """Carry out the line `at`; return the next line (None at the end) and its motion.
 
         Raises
         ------

@@ -49,7 +49,7 @@ CALM = YaskawaDeadlines(reply_s=5.0, start_s=30.0, settle_s=30.0, move_margin_s=
 NUMBERS = {"pulses_per_deg": MA1440, "max_deg_s": MAX_DEG_S}
 TARGET = (10.0, 20.0, 30.0, 40.0, 50.0, 60.0)
 FAR = (90.0, 60.0, 30.0, 40.0, 50.0, 60.0)
-HOLD, START = 0x83, 0x86
+STATUS, HOLD, START, SELECT = 0x72, 0x83, 0x86, 0x87
 
 
 @contextmanager
@@ -206,7 +206,7 @@ def test_stop_ends_a_move_although_its_questions_get_no_answer(slow: CellThread)
     )
     arm.arm()
     move = under_way(arm, FAR, slow)
-    swallow(slow, lambda request: request[24] != HOLD)
+    swallow(slow, lambda request: request[24] not in (HOLD, STATUS))
     begun = time.monotonic()
     arm.stop()
     until(lambda: not on.arm.moving)
@@ -404,6 +404,47 @@ def test_a_target_that_arrives_damaged_is_refused_by_the_job(cell: CellThread, w
             arm.move_to(TARGET)
         arm.disconnect()
     assert controller_of(cell).arm.sent_to == []
+
+
+@pytest.mark.parametrize("line", [1 << bit for bit in range(6)])
+def test_a_job_that_is_selected_from_a_later_line_is_not_started(cell: CellThread, line: int) -> None:
+    """One wrong bit of the request leads behind the checks of the job."""
+    armed = threading.Event()
+
+    def deal(request: bytes, ask: Callable[[bytes], bytes]) -> list[bytes]:
+        if request[24] == SELECT and armed.is_set():
+            request = request[:-4] + bytes([line, 0, 0, 0])
+        return [ask(request)]
+
+    with Relay(cell.port("yaskawa"), deal) as relay:
+        arm = relayed(relay)
+        arm.connect()
+        arm.arm()
+        armed.set()
+        if line == 1:
+            arm.move_to(TARGET)
+        else:
+            with pytest.raises(AcquisitionError):
+                arm.move_to(TARGET)
+            assert START not in [request[24] for request in relay.requests]
+        arm.disconnect()
+    assert len(controller_of(cell).arm.sent_to) == (line == 1)
+
+
+def test_a_hold_that_arrives_as_another_switch_is_ordered_again(cell: CellThread) -> None:
+    """One wrong bit makes HLOCK of it, which the controller accepts as well."""
+    holds = itertools.count()
+
+    def deal(request: bytes, ask: Callable[[bytes], bytes]) -> list[bytes]:
+        if request[24] == HOLD and next(holds) == 0:
+            request = request[:26] + bytes([3]) + request[27:]
+        return [ask(request)]
+
+    with Relay(cell.port("yaskawa"), deal) as relay:
+        arm = relayed(relay)
+        arm.stop()
+    assert controller_of(cell).holds == {"command"}
+    assert next(holds) == 2
 
 
 def other_form(request: bytes) -> bytes:
