@@ -7,6 +7,7 @@
     {"do": "weather", "on": false} {"do": "status_weather", "on": false} {"do": "odd_reading", "fields": {"status": 1}}
     {"do": "reboot"} {"do": "clock_step", "by_s": -3600} {"do": "stream", "rate": 50} (0: no more)
     {"do": "sums", "on": false} (bridges without checksums)
+    {"do": "yaskawa", "remote": false, "hold": "pendant", "alarm": [4315, "..."], "error": true, "file_busy": true}
     {"do": "touch", "target": "T1", "base": "B1", "near_deg": [...]} {"do": "jog", "joints_deg": [...]} (of the model)
 
 Answers `{"ok": true, ...}` or `{"ok": false, "error": "..."}`.

@@ -115,6 +115,7 @@ class Cell:
             | self.leica.orders()
             | self.emscon.orders()
             | {
+                "yaskawa": self.yaskawa.put,
                 "touch": self._touch,
                 "jog": lambda order: self.arm.put(order["joints_deg"]),
                 "restart": self._restart,

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from drivers.declaration import NumbersOption, RobotDriver
 from drivers.details import Details
+from drivers.errors import WrongMode
 from drivers.interfaces import RobotStatus
 from drivers.yaskawa.arm import YaskawaArm
 
 
 def _details(device: YaskawaArm, status: RobotStatus) -> Details:
-    """Return why the robot could not move."""
-    return Details(trouble=device.trouble())
+    """Return why the robot could not move, beyond what the status says."""
+    trouble = device.trouble()
+    told = isinstance(trouble, WrongMode) and (status.mode == "manual" or not status.motors_on)
+    return Details(trouble=None if told else trouble)
 
 
 DRIVERS = (

@@ -6,9 +6,10 @@ The arm of the cell turns by angles; the controller counts pulses, `pulses_per_d
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 from mocks.shared.arm_device import ArmDevice
 from mocks.shared.clock import CellClock
@@ -75,6 +76,17 @@ class YaskawaController:
         self.running = False
         self._task: asyncio.Task[None] | None = None
         self._paused: tuple[Job, int, JointMotion | None] | None = None
+
+    def put(self, order: Mapping[str, Any]) -> None:
+        """Carry out an order of the back door, which names what is to be put into a state."""
+        self.remote = bool(order.get("remote", self.remote))
+        self.error = bool(order.get("error", self.error))
+        self.file_busy = bool(order.get("file_busy", self.file_busy))
+        if "hold" in order:
+            self.holds = {order["hold"]} & {"pendant", "external", "command"}
+        if "alarm" in order:
+            self.alarm = int(order["alarm"][0]), str(order["alarm"][1])
+        self.arm.wake()
 
     def load(self, text: str) -> None:
         """Load a JBI file."""

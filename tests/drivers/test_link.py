@@ -15,7 +15,7 @@ from contextlib import suppress
 import pytest
 
 from drivers import ConfigError, LinkLost, LinkTimeout, ProtocolError
-from drivers.link import Address, TcpLink, WireLog, parse_url
+from drivers.link import Address, TcpLink, WireLog, endpoints, parse_url
 from tests.drivers.nobody import nobody_listens
 from tests.drivers.waiting import PATIENCE_S, in_thread, until
 
@@ -178,3 +178,14 @@ def test_bad_addresses(url: str) -> None:
 def test_addresses() -> None:
     assert parse_url("tcp://192.168.125.1:5000") == Address("192.168.125.1", 5000)
     assert parse_url("tcp://cell-pc:5000?background=6000").options == {"background": "6000"}
+
+
+def test_addresses_of_datagrams_have_one_spelling_as_well() -> None:
+    assert (
+        endpoints("udp://localhost:10040") == endpoints("UDP://127.0.0.1:010040/?x=1") == {"loopback:10040"}
+    )
+    for other in ("udp://127.0.0.1", "http://127.0.0.1:10040"):
+        with pytest.raises(ConfigError):
+            endpoints(other)
+    with pytest.raises(ConfigError, match="must begin with udp://"):
+        parse_url("tcp://127.0.0.1:10040", scheme="udp")

@@ -13,10 +13,11 @@ from typing import Any
 
 import pytest
 
-from drivers import AbbArm, FanucArm, FaroTracker, Qc20w, UrArm
+from drivers import AbbArm, FanucArm, FaroTracker, Qc20w, UrArm, YaskawaArm
 from mocks.__main__ import DEVICES, DIALECTS, ROBOTS, speak
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
+from mocks.yaskawa.controller import MAX_DEG_S, PULSES_PER_DEG
 from tests.drivers.waiting import PATIENCE_S
 
 CELL = """
@@ -126,6 +127,20 @@ def test_stock_and_seed_and_taken_port() -> None:
         assert "truepose mock:" in err
         process.send_signal(signal.SIGTERM)
         process.communicate(timeout=PATIENCE_S)
+
+
+def test_a_simulator_of_datagrams_prints_its_address() -> None:
+    with run("yaskawa") as process:
+        assert process.stdout is not None
+        end = json.loads(process.stdout.readline())
+        assert end["url"] == f"udp://127.0.0.1:{end['port']}"
+        arm = YaskawaArm(end["url"], pulses_per_deg=PULSES_PER_DEG, max_deg_s=MAX_DEG_S)
+        arm.connect()
+        assert arm.identify().model == "GP7"
+        arm.disconnect()
+        process.send_signal(signal.SIGTERM)
+        process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 0
 
 
 def test_every_simulator_has_dialects() -> None:

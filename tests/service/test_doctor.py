@@ -103,6 +103,7 @@ LOOKS = {
     "faro|leica|ctrack|qc20w": rb"\d+ (HELLO [^*]*|STATUS|PING|CAL|MODELS|BYE)\*\w{4}\n",
     "fanuc": rb"(curjpos|curpos|calname:\d+|calstat:\d+)\n",
     # RTDE packages V v O S P: versions, outputs, start, pause; the dashboard is asked for two things
+    "yaskawa": rb"YERC.{20}[\x70-\x77\x89]\x00..\x00\x01\x00\x00",  # service 1 reads
     "ur": rb"([\x00\x01].[VvOSP].*)|(get serial number|is in remote control)\n",
 }
 

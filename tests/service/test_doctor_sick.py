@@ -111,6 +111,31 @@ def test_states_of_a_ur(
     assert found.exit_code == code
 
 
+@pytest.mark.parametrize(
+    ("order", "fields", "wanted", "code"),
+    [
+        ("mode", {"mode": "manual"}, {("robot", "mode"): (3004, "WrongMode")}, 4),
+        ("motors", {"on": False}, {("robot", "motors"): (3004, "WrongMode")}, 4),
+        ("yaskawa", {"remote": False}, {("robot", "program"): (3004, "WrongMode")}, 4),
+        ("yaskawa", {"hold": "pendant"}, {("robot", "program"): (3011, "ProgramNotReady")}, 4),
+        ("yaskawa", {"alarm": [4315, "COLLISION"]}, {("robot", "safety"): (4002, "ProtectiveStop")}, 5),
+        ("yaskawa", {"error": True}, {("robot", "safety"): (4002, "ProtectiveStop")}, 5),
+    ],
+)
+def test_states_of_a_yaskawa(
+    tmp_path: Path,
+    order: str,
+    fields: dict[str, object],
+    wanted: dict[tuple[str, str], tuple[int, str]],
+    code: int,
+) -> None:
+    with bench("gp7_faro", tmp_path) as gp7:
+        gp7.simulators.do(order, **fields)
+        found = gp7.examine()
+    assert faults(found) == wanted
+    assert found.exit_code == code
+
+
 def test_speed_slider_and_clock_of_a_ur(tmp_path: Path) -> None:
     with bench("ur5_leica", tmp_path) as ur5:
         ur5.simulators.do("ur_speed_slider", fraction=0.3)
