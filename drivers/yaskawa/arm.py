@@ -54,7 +54,7 @@ _POLL_S = 0.02
 _LAST_NUMBER = 9_999_999
 _FULL_SPEED = 10_000  # VJ in 0.01 %
 _FIRST_LINES = 1  # NOP is line 0; a comment follows
-_MOVING, _DONE, _OTHER_TARGET = 1, 2, 3  # last digit of the job's echo
+_DONE, _OTHER_TARGET = 2, 3  # last digit of the echo of the job; 1: it moves
 _T = TypeVar("_T")
 
 
@@ -114,7 +114,7 @@ class ControllerState:
         if self.held:
             kind = MotionStopped if moved else ProgramNotReady
             return kind(f"held by {self.held}", what_to_do="Release the hold, then confirm.", **where)
-        if not self.remote and not moved:  # a move that runs goes on
+        if not self.remote and not moved:  # a move under way is completed
             return WrongMode("command remote is off", what_to_do=_TO_REMOTE, **where)
         return None
 
