@@ -31,6 +31,7 @@ from drivers.errors import (
     Busy,
     ConfigError,
     EnableLost,
+    ErrorPlace,
     LinkTimeout,
     MotionStopped,
     NotArmed,
@@ -98,7 +99,7 @@ class ControllerState:
 
     def trouble(self, device: str, command: str) -> AcquisitionError | None:
         """Return the error that prevents a move, or that ended it; None if there is none."""
-        where = {"device": device, "command": command}
+        where: ErrorPlace = {"device": device, "command": command}
         moved = command == "move_to"
         if self.alarmed:
             text = f"alarm {self.alarm}: {self.text}" if self.alarm else "an error is shown on the pendant"

@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -53,7 +54,7 @@ STATUS, HOLD, START, SELECT = 0x72, 0x83, 0x86, 0x87
 
 
 @contextmanager
-def simulated(time_scale: float = 5000.0, **changes: object) -> Iterator[CellThread]:
+def simulated(time_scale: float = 5000.0, **changes: Any) -> Iterator[CellThread]:
     file = CellFile(robot="yaskawa-gp7", time_scale=time_scale, effects=("none",), pulses_per_deg=MA1440)
     with CellThread(replace(file, **changes), devices=("yaskawa",)) as cell:  # type: ignore[arg-type]
         yield cell
@@ -76,7 +77,7 @@ def controller_of(cell: CellThread) -> YaskawaController:
     return cell.cell.yaskawa
 
 
-def connected(cell: CellThread, **options: object) -> YaskawaArm:
+def connected(cell: CellThread, **options: Any) -> YaskawaArm:
     arm = YaskawaArm(cell.url("yaskawa"), **{"deadlines": CALM, **NUMBERS, **options})  # type: ignore[arg-type]
     arm.connect()
     return arm
@@ -220,7 +221,7 @@ def test_stop_ends_a_move_although_its_questions_get_no_answer(slow: CellThread)
 def swallow(cell: CellThread, these: Callable[[bytes], bool]) -> None:
     """Let the simulated server leave some requests without an answer, although it carries them out."""
     assert cell.cell is not None
-    protocol = cell.cell._servers._datagrams[0].get_protocol()
+    protocol: Any = cell.cell._servers._datagrams[0].get_protocol()
     answer = protocol._answer
 
     def spoiled(request: bytes) -> bytes | None:
