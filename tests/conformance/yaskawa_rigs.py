@@ -18,7 +18,10 @@ from tests.conformance.truth import SCALE, sent_elsewhere
 
 CELL = CellFile(robot="yaskawa-gp7", time_scale=SCALE, effects=("none",))
 NUMBERS: dict[str, Any] = {"pulses_per_deg": PULSES_PER_DEG, "max_deg_s": MAX_DEG_S}
-PATIENT = YaskawaDeadlines(reply_s=1.0, tries=4, start_s=30.0, settle_s=30.0, gap_s=0.001, move_margin_s=30.0)
+# A closed port shows when a question is repeated: one answer is not waited for long, and several times.
+PATIENT = YaskawaDeadlines(
+    reply_s=0.3, tries=12, start_s=30.0, settle_s=30.0, gap_s=0.001, move_margin_s=30.0
+)
 HASTY = replace(PATIENT, reply_s=0.05, tries=2, start_s=0.1, settle_s=0.1, move_factor=0.0, move_margin_s=0.1)
 PULSE_DEG = 1.0 / min(PULSES_PER_DEG)
 
