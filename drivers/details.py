@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from drivers.dh_numbers import DhNumbers
+from drivers.dh_numbers import ControllerCalibration, DhNumbers
 from drivers.errors import AcquisitionError
 
 
@@ -26,7 +26,13 @@ class Details:
     speed_share
         Position of the speed slider; 1 is full speed.
     nominal
-        DH numbers with which the controller calculates.
+        DH numbers of the type of the arm, as the controller has them.
+    calibration
+        The calibration of this arm with which the controller calculates.
+    closed
+        Services of the controller that are closed, by their names in its menu.
+    opened_at
+        Where a person opens them, as a sentence.
     bar_mm
         Calibrated length of the ballbar as it is built.
     bodies
@@ -39,6 +45,9 @@ class Details:
     temperatures_c: tuple[float, ...] = ()
     speed_share: float | None = None
     nominal: DhNumbers | None = None
+    calibration: ControllerCalibration | None = None
+    closed: tuple[str, ...] = ()
+    opened_at: str = ""
     weather_station: bool | None = None
     battery_percent: float | None = None
     bar_mm: float | None = None

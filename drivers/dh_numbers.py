@@ -26,3 +26,17 @@ class DhNumbers:
         """Return a table for each link, with the keys of a robot file's `[[link]]`."""
         names = ("alpha_deg", "a_mm", "theta_deg", "d_mm")
         return [{name: getattr(self, name)[i] for name in names} for i in range(6)]
+
+
+@dataclass(frozen=True, slots=True)
+class ControllerCalibration:
+    """A calibration of the arm that its controller holds and calculates with.
+
+    `name` and `checksum` identify it, `status` is the maker's own number, and `deltas` are its corrections to the
+    nominal numbers. Where axes are nearly parallel, only the chain of all links has a meaning.
+    """
+
+    name: str
+    checksum: tuple[int, ...]
+    status: int | None
+    deltas: DhNumbers

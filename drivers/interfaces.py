@@ -27,6 +27,8 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Protocol, runtime_checkable
 
+from drivers.dh_numbers import ControllerCalibration
+
 
 @dataclass(frozen=True, slots=True)
 class Identity:
@@ -38,6 +40,8 @@ class Identity:
         Whether it is a simulator; None if the protocol does not report it.
     alias
         Another unique name, which may be known if the serial number is not.
+    calibration
+        The calibration that a robot's controller calculates with, None if it does not report it.
     """
 
     maker: str
@@ -47,6 +51,7 @@ class Identity:
     protocol: str
     simulated: bool | None = None
     alias: str = field(default="", repr=False)
+    calibration: ControllerCalibration | None = field(default=None, repr=False)
 
 
 @dataclass(frozen=True, slots=True)

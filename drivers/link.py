@@ -130,7 +130,7 @@ class TcpLink:
     Parameters
     ----------
     enabled_at
-        Where a person enables the port on the device.
+        Returns where a person enables the port on the device, as a sentence. It is called when the port is closed.
     """
 
     poll_s = 0.1  # how often a waiting question looks at its `meanwhile`
@@ -142,7 +142,7 @@ class TcpLink:
         *,
         wire: WireSink | None = None,
         clock: Callable[[], float] = time.monotonic,
-        enabled_at: str = "",
+        enabled_at: Callable[[], str] = str,
     ) -> None:
         self.address = address
         self._enabled_at = enabled_at
@@ -182,7 +182,7 @@ class TcpLink:
                 f"{where} not reachable: the device answers, its port is closed",
                 device=self.device,
                 command="connect",
-                what_to_do=" ".join(filter(None, (CLOSED, self._enabled_at))),
+                what_to_do=" ".join(filter(None, (CLOSED, self._enabled_at()))),
             ) from error
         except OSError as error:
             raise LinkLost(

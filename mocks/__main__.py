@@ -12,7 +12,7 @@ import json
 import signal
 import sys
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -27,58 +27,6 @@ ROBOTS = {
     "ur": "ur5",
     "yaskawa": "yaskawa-gp7",
 }  # of a cell of one device, if not the usual arm
-
-
-def _ours(_: Cell) -> None:
-    """Leave the dialect as the cell was created with."""
-
-
-def _stock(cell: Cell) -> None:
-    cell.abb.stock = cell.fanuc.mappdk.stock = True
-
-
-def _polyscope(software: tuple[int, int, int, int]) -> Callable[[Cell], None]:
-    def put(cell: Cell) -> None:
-        cell.ur.software = software
-        cell.ur.registers.served = software >= (3, 9)
-
-    return put
-
-
-def _without_sums(cell: Cell) -> None:
-    for bridge in cell.bridges:
-        bridge.sums = False
-
-
-_MBP: Mapping[str, Callable[[Cell], None]] = {"mbp1": _ours, "mbp1-plain": _without_sums}
-# The dialects of each device; without one named it speaks the first, a UR the software of its series.
-DIALECTS: Mapping[str, Mapping[str, Callable[[Cell], None]]] = {
-    "abb": {"calsrv": _ours, "open_abb": _stock},
-    "abb-simple": {"simple_message": _ours},
-    "fanuc": {"mappdk-cal": _ours, "mappdk": _stock},  # Modbus is served in addition to either
-    "ur": {
-        "polyscope-3.15": _polyscope((3, 15, 8, 106339)),
-        "polyscope-3.8": _polyscope((3, 8, 0, 61336)),  # without registers
-        "polyscope-5.11": _polyscope((5, 11, 1, 108318)),
-    },
-    "yaskawa": {"hses": _ours},
-    "emscon": {"emscon": _ours},
-    **dict.fromkeys(("ctrack", "faro", "leica", "qc20w"), _MBP),
-}
-
-
-def speak(cell: Cell, dialect: str) -> None:
-    """Let the devices of the cell that know this dialect speak it.
-
-    Raises
-    ------
-    ValueError
-        No device of the cell knows the dialect; the message names the known ones.
-    """
-    known = {name: put for device in cell.devices for name, put in DIALECTS.get(device, {}).items()}
-    if dialect not in known:
-        raise ValueError(f"--dialect {dialect}: there is {', '.join(known) or 'none to choose'} here.")
-    known[dialect](cell)
 
 
 def arguments(argv: Sequence[str]) -> argparse.Namespace:
@@ -114,6 +62,8 @@ def described(chosen: argparse.Namespace) -> CellFile:
         cell = replace(cell, seed=chosen.seed)
     if chosen.time_scale is not None:
         cell = replace(cell, time_scale=chosen.time_scale)
+    if chosen.dialect is not None:
+        cell = replace(cell, dialect=chosen.dialect)
     return cell
 
 
@@ -139,8 +89,6 @@ def main(argv: Sequence[str]) -> int:
         file = described(chosen)
         devices = DEVICES.get(chosen.name, (file.robot_driver, file.instrument_driver))
         cell = Cell(file, devices=devices)
-        if chosen.dialect is not None:
-            speak(cell, chosen.dialect)
     except (OSError, ValueError, TypeError, tomllib.TOMLDecodeError) as error:
         sys.stderr.write(f"{PROGRAM}: {error}\n")
         return 2

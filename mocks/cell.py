@@ -16,6 +16,7 @@ from mocks.abb.simple import SimpleMessageServers
 from mocks.backdoor import BackDoor
 from mocks.cell_file import CellFile
 from mocks.creaform.ctrack import CTrackBridge, CTrackDevice
+from mocks.dialects import speak
 from mocks.fanuc.wires import Fanuc
 from mocks.faro.bridge import FaroBridge
 from mocks.leica.bridge import LeicaBridge
@@ -127,6 +128,8 @@ class Cell:
         )
         self.devices = devices
         self._servers = Servers()
+        if cell.dialect:
+            speak(self, cell.dialect)
         rng = np.random.default_rng([cell.seed, CLOCK_STREAM])
         for own in self._clocks:
             own.offset_s = float(rng.uniform(-1.0, 1.0)) * cell.clock_offset_s

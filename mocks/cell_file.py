@@ -45,6 +45,7 @@ class CellFile:
         0.0  # how far the clock of a device may be off, to either side: drawn from the seed
     )
     clock_rate_ppm: float = 0.0
+    dialect: str = ""  # of a device (`mocks.dialects`); empty: the usual one of each
     serial: str = ""  # that the controller of an ABB or UR reports; empty: the same in every cell
     resolution_deg: float = 0.01  # of a pendant that a person reads
     within_deg: float | None = None  # how far from a posture that person may stop
@@ -90,7 +91,7 @@ def read_cell(path: Path) -> CellFile:
             key: simulation.get(key)
             for key in (
                 *("seed", "time_scale", "effect_size", "readings", "seconds_per_reading"),
-                *("clock_offset_s", "clock_rate_ppm", "serial"),
+                *("clock_offset_s", "clock_rate_ppm", "serial", "dialect"),
             )
         },
         "effects": tuple(simulation.get("effects", ())),

@@ -229,6 +229,10 @@ class SimulationSection(Table):
             "Serial number of a simulated ABB or UR controller; left out: the same in every cell.", "120-501"
         ),
     ] = ""
+    dialect: Annotated[
+        Written,
+        told("Dialect or software of a simulated device, as `truepose mock --dialect`.", "polyscope-x"),
+    ] = ""
 
 
 class Cell(Table):

@@ -51,6 +51,10 @@ def _examine(cell: Cell, robot: RobotArm, chart: Chart, time_scale: float) -> No
         _warmth(chart, details)
         if details.nominal is not None:
             _geometry(cell, chart, details.nominal)
+        if details.calibration is not None:
+            chart.ok("calibration", f"its controller calculates with {details.calibration.name}")
+        if details.closed:
+            chart.note("services", f"closed: {', '.join(details.closed)}", details.opened_at)
     if first_read is not None:
         _position(cell, chart, first_read.joints_deg)
     _stop(robot, chart)

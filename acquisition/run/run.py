@@ -333,10 +333,13 @@ class Run:
         RobotInUse
             Another campaign moves the robot.
         """
+        told = asdict(met.who)
+        if told["calibration"] is None:
+            del told["calibration"]
         self._store.add_event(
             "connected",
             role=met.role,
-            **asdict(met.who),
+            **told,
             can_stop=met.can_stop,
             read_deg=met.read_deg,
             weakness=met.weakness,

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-# From PolyScope 5.10 on every interface is closed until a person enables it.
-SERVICES = "On a UR from PolyScope 5.10: enable the interface in Settings > Security > Services."
-
 
 @dataclass(frozen=True, slots=True)
 class UrDeadlines:

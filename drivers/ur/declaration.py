@@ -2,50 +2,52 @@
 
 from __future__ import annotations
 
-import struct
 from contextlib import suppress
 
 from drivers.declaration import RobotDriver
 from drivers.details import Details
-from drivers.errors import Busy, LinkError, WrongMode
+from drivers.errors import Busy, LinkError
 from drivers.interfaces import RobotStatus
 from drivers.ur.arm import UrArm
-from drivers.ur.realtime import parse_packet
+from drivers.ur.software import where_enabled
 from drivers.ur.state import PLAYING, unfit
 
-_TEMPERATURES, _SPEED = 692, 940  # offsets in the packet of 30003, by the maker's sheet
+_ENOUGH = (
+    "A campaign needs RTDE and the Primary Client Interface; each of the others is one more way to stop."
+)
 
 
 def _details(device: UrArm, status: RobotStatus) -> Details:
-    """Return joint temperatures, speed slider, DH numbers, and obstacles to motion.
+    """Return joint temperatures, speed slider, DH numbers, closed services, and obstacles to motion.
 
-    Temperatures and slider come from 30003, DH numbers from 30002. Obstacles are a running program and local control.
+    Obstacles are a running program and local control.
     """
-    state = parse_packet(status.raw)
+    state = device.look()
     trouble = unfit(state, moving=False)
     if trouble is None and state.runtime_state == PLAYING:
         trouble = Busy(
             "a program runs on the controller",
             what_to_do="Stop the program on the pendant: the first move of a campaign would take its place.",
         )
-    if trouble is None and device.in_remote_control() is False:
-        trouble = WrongMode(
-            "the controller is in local control: it ignores every program that is sent, a stop too",
-            what_to_do="Switch the controller to remote control on the pendant.",
-        )
-    nominal = None
+    trouble = trouble or device.local_control()
+    nominal = calibration = None
     with suppress(LinkError):  # the error was reported when the identity was read
-        nominal = device.factory().nominal
+        factory = device.factory()
+        nominal, calibration = factory.nominal, factory.held
+    closed = device.closed_services()
     return Details(
         trouble=trouble,
-        temperatures_c=struct.unpack_from(">6d", status.raw, _TEMPERATURES),
-        speed_share=struct.unpack_from(">d", status.raw, _SPEED)[0],
+        temperatures_c=state.temperatures_c,
+        speed_share=state.speed_share,
         nominal=nominal,
+        calibration=calibration,
+        closed=closed,
+        opened_at=f"{_ENOUGH} {where_enabled(', '.join(closed), device.software())}" if closed else "",
     )
 
 
 def _clock_s(device: UrArm) -> float:
-    return parse_packet(device.status().raw).t_s
+    return device.look().t_s
 
 
 DRIVERS = (

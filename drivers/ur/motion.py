@@ -27,8 +27,8 @@ from drivers.errors import (
     WrongMode,
 )
 from drivers.ur.deadlines import UrDeadlines
-from drivers.ur.realtime import Realtime
 from drivers.ur.rtde import FIRST_ARGUMENT, GO_REGISTER, REGISTER, Rtde
+from drivers.ur.script_port import ScriptPort
 from drivers.ur.state import AGREE_RAD, PAUSED, PLAYING, STOPPED, StateConfirmer, UrState, Vector, unfit
 
 _LEVERS = (1.0, 1.0, 0.6, 0.3, 0.3, 0.15)  # from each axis to the end of the tool, arm outstretched
@@ -127,14 +127,14 @@ def not_ready(state: UrState) -> AcquisitionError | None:
 class Motion:
     """The moves of an arm, one at a time, and `halt` from any thread.
 
-    `stopped` is set by a stop or disconnect since the arming.
+    `port` returns the port that takes programs now. `stopped` is set by a stop or disconnect since the arming.
     """
 
     def __init__(
-        self, realtime: Realtime, name: str, limits: MotionLimits, clock: Callable[[], float]
+        self, port: Callable[[], ScriptPort], name: str, limits: MotionLimits, clock: Callable[[], float]
     ) -> None:
         self.stopped = threading.Event()
-        self._realtime = realtime
+        self._port = port
         self._name = name
         self._limits = limits
         self._clock = clock
@@ -143,7 +143,7 @@ class Motion:
 
     @property
     def _deadlines(self) -> UrDeadlines:
-        return self._realtime.deadlines
+        return self._port().deadlines
 
     @contextmanager
     def at_most(self, speed: float) -> Iterator[None]:
@@ -154,7 +154,7 @@ class Motion:
         finally:
             self._limits = usual
 
-    def move(self, feed: Rtde | Realtime, goal: Vector) -> tuple[UrState, AcquisitionError | None]:
+    def move(self, feed: Rtde | ScriptPort, goal: Vector) -> tuple[UrState, AcquisitionError | None]:
         """Make a whole move to `goal` (rad), watched on `feed`.
 
         Returns the final state, and the error if the move failed.
@@ -183,30 +183,33 @@ class Motion:
 
     def went_on(self, goal: Vector) -> bool:
         """Check whether the arm is at the target of a program; False if the state cannot be read."""
-        with suppress(LinkError), self._realtime.watch("stop") as witness:
+        with suppress(LinkError), self._port().watch("stop") as witness:
             return witness.state().off_rad(goal) <= self._limits.hold
         return False
 
-    def halt(self, realtime: Realtime | None = None) -> None:
+    def halt(self, port: ScriptPort | None = None) -> None:
         """Send stop until the arm is at rest; a disconnect in between does not end it.
 
-        `realtime` can have separate deadlines.
+        `port` can have separate deadlines.
 
         Raises
         ------
         LinkError
-            The arm did not come to rest in time.
+            The arm did not come to rest in time, or the controller takes no programs.
         """
         seconds = self._deadlines.stop_s
         end = self._clock() + seconds
-        with (realtime or self._realtime).talk("stop", outlives_close=True) as (witness, send):
+        with (port or self._port()).talk("stop", outlives_close=True) as (witness, send):
             next_word = -math.inf
             while self._clock() < end:
                 if self._clock() >= next_word:
                     next_word = self._clock() + _LOOK_S
                     with self._sending:
                         send(STOP_SCRIPT)
-                state = witness.state()
+                try:
+                    state = witness.state()
+                except WrongMode as error:
+                    raise LinkError(error.message, device=self._name, command="stop") from error
                 if state.at_rest and state.runtime_state in (STOPPED, PAUSED):
                     return
         raise LinkTimeout(
@@ -218,7 +221,7 @@ class Motion:
             self.halt()
 
     def _begin(
-        self, feed: Rtde | Realtime, witness: StateConfirmer, here: UrState, goal: Vector
+        self, feed: Rtde | ScriptPort, witness: StateConfirmer, here: UrState, goal: Vector
     ) -> AcquisitionError | None:
         """Send the program, check that it begins, and release it."""
         number = None
@@ -226,12 +229,15 @@ class Motion:
             number = here.echo % _LAST_NUMBER + 1  # a value that the register does not hold yet
         limits = self._limits
         program = UrScriptMove(goal, limits.acceleration, self._capped(here, goal), number, limits.watchdog_s)
-        with self._realtime.talk("move_to") as (_, send):
+        with self._port().talk("move_to") as (beside, send):
             with self._sending:  # a stop comes first and nothing is sent, or later and ends what was sent
                 if self.stopped.is_set():
                     return MotionStopped("stopped before it began")
                 send(program.text())
             problem = self._begun(witness, here, program)
+            if isinstance(problem, WrongMode):
+                with suppress(LinkError):
+                    beside.state()  # 30001 says why, in front of its next state
             if problem is None and number is not None:
                 if self.stopped.is_set():
                     return MotionStopped("stopped before it began")
@@ -268,7 +274,7 @@ class Motion:
             return WrongMode(
                 f"program did not begin within start_s = {self._deadlines.start_s:g} s",
                 raw=state.shown,
-                what_to_do="Switch the controller to remote control on the pendant (e-Series), then confirm.",
+                what_to_do="Switch the controller to remote control on the pendant (not on a CB3), then confirm.",
             )
 
     def _follow(

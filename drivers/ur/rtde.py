@@ -27,6 +27,7 @@ from drivers.errors import Busy, LinkTimeout, ProtocolError, naming
 from drivers.interfaces import Sample
 from drivers.link import TcpLink
 from drivers.ur.deadlines import UrDeadlines
+from drivers.ur.software import Software
 from drivers.ur.state import StateConfirmer, UrState, check_state
 
 _LOG = logging.getLogger(__name__)
@@ -134,11 +135,14 @@ def parse_text(payload: bytes) -> str:
 class Rtde:
     """An RTDE connection, used by one thread at a time; `close` is safe from any."""
 
+    name = "rtde"
+
     def __init__(self, link: TcpLink, deadlines: UrDeadlines, rate_hz: float = FREQUENCY_HZ) -> None:
         self.device = link.device
         self._rate_hz = rate_hz
         self.deadlines = deadlines
         self._link, self._clock = link, link.clock
+        self.software: Software = ()  # of the controller, once open
         self._recipe = 0
         self._echoed = False
         self._beat_recipe: int | None = None
@@ -182,6 +186,7 @@ class Rtde:
             build = self._ask(_CONTROLLER, b"", "connect")
             if len(build) != 16:
                 raise ProtocolError("not a controller version", raw=build)
+            self.software = struct.unpack(">4I", build)
             self._echoed = self._set_up(*_ECHO)
             if not self._echoed:  # software before 3.9
                 self._set_up()

@@ -1,13 +1,15 @@
 """The secondary client interface of a UR controller, TCP 30002: identity, kinematics.
 
-Packages have `>IB` size with its header, and type: 16 robot state, with sub-packages of the same form, 20 message. On
-every new connection the controller sends its version message, and then two sub-packages once:
+The primary one (30001, `drivers.ur.primary`) sends the same, and messages beside it. Packages have `>IB` size with its
+header, and type: 16 robot state, with sub-packages of the same form, 20 message. On every
+new connection the controller sends its version message, and then two sub-packages once:
 
 - 6, the configuration data: limits, nominal DH numbers, type of the arm
 - 5, the kinematics (software 3.6 or later): DH numbers of this individual arm, calibrated at the factory
 
 Sources: Universal Robots, "Remote control via TCP/IP", sheet of the client interfaces. For 5,
-UniversalRobots/Universal_Robots_Client_Library `primary/robot_state/kinematics_info`; for types, its `RobotType`.
+UniversalRobots/Universal_Robots_Client_Library `primary/robot_state/kinematics_info`; for types, its `RobotType`. A
+later version may append fields to any of them.
 """
 
 from __future__ import annotations
@@ -17,21 +19,33 @@ import struct
 import zlib
 from dataclasses import dataclass
 
-from drivers.dh_numbers import DhNumbers, Row
+from drivers.dh_numbers import ControllerCalibration, DhNumbers, Row
 from drivers.errors import LinkTimeout, ProtocolError, naming
-from drivers.link import Address, TcpLink, WireSink
-from drivers.ur.deadlines import SERVICES, UrDeadlines
+from drivers.link import TcpLink
+from drivers.ur.deadlines import UrDeadlines
+from drivers.ur.software import E_SERIES, Software, software_of
 
-_STATE, _MESSAGE = 16, 20
+STATE, MESSAGE = 16, 20
 _KINEMATICS, _CONFIGURATION = 5, 6
 _VERSION_MESSAGE = 3
 _LONGEST = 65536
 _CONFIGURATION_LAYOUT = ">12d12d5d24d4i"  # limits; speeds, accelerations; defaults; a d alpha theta; types
 _KINEMATICS_LAYOUT = ">6I24dI"  # checksums; theta a d alpha; status
-_TYPES = {1: "UR5", 2: "UR10", 3: "UR3", 4: "UR16e", 7: "UR20", 8: "UR30"}
+_TYPES = {
+    1: "UR5",
+    2: "UR10",
+    3: "UR3",
+    4: "UR16e",
+    5: "UR18",
+    6: "UR8 Long",
+    7: "UR20",
+    8: "UR30",
+    9: "UR15",
+}
 _TWICE = ("UR5", "UR10", "UR3")  # the e-Series has the types of the CB series; its software is 5 or later
 _MOST_PACKAGES = 50
 _COMMAND = "factory"
+_HAS_KINEMATICS: Software = (3, 6)  # before, sub-package 5 had another meaning
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +75,14 @@ class Factory:
     def correction(self) -> DhNumbers | None:
         """The corrections by the factory's calibration to the nominal numbers."""
         return None if self.calibrated is None else self.calibrated.minus(self.nominal)
+
+    @property
+    def held(self) -> ControllerCalibration | None:
+        """The calibration that the controller calculates with, None if it reports none."""
+        correction = self.correction
+        if correction is None or not self.calibration:
+            return None
+        return ControllerCalibration(self.calibration, self.checksum, self.status, correction)
 
 
 def split_packages(data: bytes) -> list[tuple[int, bytes]]:
@@ -139,19 +161,35 @@ def _numbers(alpha: Row, a: Row, theta: Row, d: Row) -> DhNumbers:
     )
 
 
-def read_factory(address: Address, device: str, deadlines: UrDeadlines, wire: WireSink | None) -> Factory:
-    """Read the factory data of a controller over a separate connection.
+def read_factory(link: TcpLink, deadlines: UrDeadlines) -> Factory:
+    """Read the factory data of a controller over a link to 30002 or 30001 that is not open yet.
 
     Raises
     ------
     LinkError
         The connection failed.
     """
-    link = TcpLink(address, device, wire=wire, enabled_at=SERVICES)
     link.open(connect_s=deadlines.connect_s)
     try:
-        with naming(device, _COMMAND):
+        with naming(link.device, _COMMAND):
             return _read(link, deadlines)
+    finally:
+        link.close()
+
+
+def read_software(link: TcpLink, deadlines: UrDeadlines) -> Software | None:
+    """Read the version that a controller sends first, over a link to 30002 or 30001 that is not open yet.
+
+    Raises
+    ------
+    LinkError
+        The connection failed.
+    """
+    link.open(connect_s=deadlines.connect_s)
+    try:
+        with naming(link.device, _COMMAND):
+            kind, content = read_package(link, _COMMAND, deadlines.reply_s)
+            return software_of(parse_version(content) or "") if kind == MESSAGE else None
     finally:
         link.close()
 
@@ -159,33 +197,33 @@ def read_factory(address: Address, device: str, deadlines: UrDeadlines, wire: Wi
 def _read(link: TcpLink, deadlines: UrDeadlines) -> Factory:
     firmware = ""
     for _ in range(_MOST_PACKAGES):
-        kind, content = _package(link, deadlines)
-        if kind == _MESSAGE:
+        kind, content = read_package(link, _COMMAND, deadlines.reply_s)
+        if kind == MESSAGE:
             firmware = parse_version(content) or firmware
-        elif kind == _STATE:
+        elif kind == STATE:
             parts = dict(split_packages(content))
-            if _CONFIGURATION in parts and firmware:
+            software = software_of(firmware)
+            if _CONFIGURATION in parts and software is not None:
                 model, nominal = parse_configuration(parts[_CONFIGURATION])
-                model += "e" if model in _TWICE and int(firmware.split(".")[0]) >= 5 else ""
-                if not _has_kinematics(firmware):
+                model += "e" if model in _TWICE and software >= E_SERIES else ""
+                if software < _HAS_KINEMATICS:
                     return Factory(model, firmware, nominal, None)
                 if _KINEMATICS in parts:
                     return Factory(model, firmware, nominal, *parse_kinematics(parts[_KINEMATICS]))
     raise LinkTimeout("no configuration data among the states", device=link.device, command=_COMMAND)
 
 
-def _has_kinematics(firmware: str) -> bool:
-    """Check that the software sends its kinematics.
+def read_package(link: TcpLink, command: str, reply_s: float) -> tuple[int, bytes]:
+    """Read the next package, as (type, content).
 
-    Before 3.6, sub-package 5 had another meaning.
+    Raises
+    ------
+    LinkError
+        The connection failed.
     """
-    major, minor, *_ = map(int, firmware.split("."))
-    return (major, minor) >= (3, 6)
 
-
-def _package(link: TcpLink, deadlines: UrDeadlines) -> tuple[int, bytes]:
     def part(count: int) -> bytes:
-        return link.read_exactly(count, command=_COMMAND, deadline="reply_s", seconds=deadlines.reply_s)
+        return link.read_exactly(count, command=command, deadline="reply_s", seconds=reply_s)
 
     size, kind = struct.unpack(">IB", part(5))
     if not 5 <= size <= _LONGEST:

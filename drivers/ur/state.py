@@ -5,7 +5,8 @@ the next one confirms it: same modes and registers, and no joint further away th
 controller has to advance from one to the next; a repeated, late or swapped package is a ProtocolError. So is a step of
 that clock within one question; between two questions it is not checked.
 
-Numbers of the modes: Universal Robots, "Real-Time Data Exchange (RTDE) guide".
+Numbers of the modes: Universal Robots, "Real-Time Data Exchange (RTDE) guide"; from 14 on UniversalRobots/
+Universal_Robots_Client_Library, `ur/datatypes.h`.
 """
 
 from __future__ import annotations
@@ -55,6 +56,14 @@ SAFETY_MODES: dict[int, tuple[type[SafetyStop] | None, str]] = {
     11: (SafetyStop, "safety mode undefined"),
     12: (EnableLost, "safeguard stop of automatic mode"),
     13: (EnableLost, "enabling device released"),
+    14: (EnableLost, "enabling device of the pendant released"),
+    15: (EmergencyStop, "emergency stop of the injection moulding machine"),
+    16: (EnableLost, "safeguard stop of the injection moulding machine"),
+    17: (SafetyStop, "PROFIsafe waits for its parameters"),
+    18: (EnableLost, "safeguard stop of automatic mode by PROFIsafe"),
+    19: (EnableLost, "safeguard stop by PROFIsafe"),
+    20: (EmergencyStop, "emergency stop by PROFIsafe"),
+    22: (EnableLost, "safeguard stop by the safety interface"),
 }
 STILL_RAD_S = 2e-3  # largest joint speed of an arm at rest
 AGREE_RAD = 1e-4  # scatter of the read-back between two packages of an arm at rest
@@ -70,7 +79,8 @@ class UrState:
     """Joint angles (rad), speeds (rad/s) and modes of a UR controller.
 
     `echo` is the number of the last program begun, None if it is not reported. `arguments` are those that this program
-    reports (`drivers.ur.motion`).
+    reports (`drivers.ur.motion`). Temperatures of the joints (degC) and the share of the speed slider are known of the
+    streams that have them.
     """
 
     t_s: float
@@ -84,11 +94,19 @@ class UrState:
     echo: int | None
     arguments: Vector = ()
     raw: bytes = b""
+    temperatures_c: Vector = ()
+    speed_share: float | None = None
 
     @property
     def shown(self) -> bytes:
         """The beginning of `raw`, for an error; the wire log has all of it."""
         return self.raw[:64]
+
+    @property
+    def emergency_stop(self) -> bool:
+        """Whether a safety mode that is an emergency stop is active."""
+        kind, _ = SAFETY_MODES.get(self.safety_mode, (None, ""))
+        return kind is EmergencyStop
 
     @property
     def at_rest(self) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import socket
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -53,6 +54,7 @@ class Servers:
     def __init__(self) -> None:
         self._servers: list[asyncio.Server] = []
         self._datagrams: list[asyncio.DatagramTransport] = []
+        self._closed_ports: list[socket.socket] = []
         self._tasks: set[asyncio.Task[None]] = set()
         self._writers: set[asyncio.StreamWriter] = set()
 
@@ -109,10 +111,10 @@ class Servers:
         one = await self.listen_around({0: first, 1: second}, port)
         return one, one + 1
 
-    async def listen_around(self, handlers: Mapping[int, Handler], port: int = 0) -> int:
+    async def listen_around(self, handlers: Mapping[int, Handler | None], port: int = 0) -> int:
         """Listen at fixed distances from one port, like the servers of a UR.
 
-        Returns the port at distance 0.
+        A port without a handler is taken, and refuses connections. Returns the port at distance 0.
 
         Raises
         ------
@@ -121,20 +123,30 @@ class Servers:
         """
         others = {offset: handler for offset, handler in handlers.items() if offset}
         for _ in range(100):
-            before = len(self._servers)
-            one = await self.listen(handlers[0], port)
+            before, closed_before = len(self._servers), len(self._closed_ports)
+            one = await self._listen_or_refuse(handlers[0], port)
             try:
                 for offset, handler in others.items():
-                    await self.listen(handler, one + offset)
+                    await self._listen_or_refuse(handler, one + offset)
                 return one
             except (OSError, OverflowError):
                 if port:
                     raise
+                while len(self._closed_ports) > closed_before:
+                    self._closed_ports.pop().close()
                 while len(self._servers) > before:
                     last = self._servers.pop()
                     last.close()
                     await last.wait_closed()
         raise OSError("no free ports at these distances")
+
+    async def _listen_or_refuse(self, handler: Handler | None, port: int) -> int:
+        if handler is not None:
+            return await self.listen(handler, port)
+        taken = socket.socket()  # bound without listening: connections to it are refused
+        self._closed_ports.append(taken)
+        taken.bind(("127.0.0.1", port))
+        return int(taken.getsockname()[1])
 
     async def close(self) -> None:
         """Close servers and connections.
@@ -145,6 +157,8 @@ class Servers:
         loop = asyncio.get_running_loop()
         for transport in self._datagrams:
             transport.close()
+        for taken in self._closed_ports:
+            taken.close()
         for server in self._servers:
             for each in server.sockets:
                 loop.remove_reader(each.fileno())

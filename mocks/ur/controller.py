@@ -1,9 +1,11 @@
-"""Simulated Universal Robots controller (CB3, software 3.15): RTDE, 30003, 30002, dashboard.
+"""Simulated Universal Robots controller (CB3, e-Series, PolyScope X): RTDE, 30003, 30002, 30001, dashboard, Robot API.
 
 Written from the maker's sheets and manuals, not from the driver. These properties are kept on purpose:
 
 - Nothing acknowledges a program, and a new program aborts the running one.
-- In local mode, without power or in a safety stop, a program is ignored silently.
+- In local mode, without power or in a safety stop, a program is ignored silently. From software 5 on, switching to
+  local mode drops the connections on 30001 to 30003, and 30001 answers a program with the error C210.
+- From software 5.10 on each port but that of the Robot API can be closed; PolyScope X has no dashboard and no 30003.
 - All streams continue in every stop.
 - The program ends while the joints still settle.
 - A protective stop leaves the program paused. A target beyond the joint limits is a protective stop.
@@ -24,13 +26,19 @@ from mocks.shared.sockets import Endpoint, Handler, Servers
 from mocks.ur.packets import (
     Dh,
     configuration,
+    error_message,
+    exception_message,
+    joint_data,
     kinematics,
+    masterboard_data,
+    message,
     mode_data,
     package,
     realtime_packet,
     version_message,
 )
 from mocks.ur.registers import Registers, Variable
+from mocks.ur.robot_api import RobotApi
 from mocks.ur.rtde import RtdeClient, unsimulated
 from mocks.ur.script import AWAIT, Call, ScriptError, ScriptReader, parse_program
 from mocks.ur.servo import Servo
@@ -44,6 +52,8 @@ SERIAL = "20155301234"
 NORMAL, PROTECTIVE_STOP, ROBOT_EMERGENCY_STOP = 1, 3, 7
 POWER_OFF, IDLE, RUNNING = 3, 5, 7
 STOPPED, PLAYING, PAUSED = 1, 2, 4
+TEXT_MESSAGE, ONLY_READS = 0, 210
+PORTS = {"rtde": 0, "realtime": -1, "secondary": -2, "primary": -3, "dashboard": -5}
 FASTEST_RAD_S = math.pi  # of any joint of a UR5
 
 
@@ -66,6 +76,9 @@ class UrController:
         self.forced_safety_mode: int | None = None
         self.speed_slider = 1.0
         self.refused: list[str] = []  # programs that it did not run, and why
+        self.closed: set[str] = (
+            set()
+        )  # of PORTS, before it listens; "realtime" and "dashboard" of PolyScope X
         self._program: asyncio.Task[None] | None = None
 
     # -- state --------------------------------------------------------------------------------------------
@@ -131,28 +144,49 @@ class UrController:
 
     async def close(self) -> None:
         """End the program that runs."""
-        self._abort()
+        self.end_program()
         if self._program is not None:
             with suppress(asyncio.CancelledError):
                 await self._program
 
+    @property
+    def is_local(self) -> bool:
+        """Whether it takes no programs by network, a state that a CB3 does not have."""
+        return self.software >= (5,) and self.arm.mode != "auto"
+
+    @property
+    def is_polyscope_x(self) -> bool:
+        return self.software >= (10,)
+
     # -- programs -----------------------------------------------------------------------------------------
 
-    def submit(self, lines: list[str]) -> None:
-        """Run a program or a single call from a client; it replaces the running one."""
+    def submit(self, lines: list[str]) -> bytes:
+        """Run a program or a single call from a client; it replaces the running one.
+
+        A secondary program (`sec`) runs beside it. Returns the messages for the client, of 30001 only.
+        """
+        now = self.clock.now()
+        if self.is_local:
+            self.refused.append("in local control")
+            return error_message(now, ONLY_READS, 0, "read only")
         if not self.can_run:
             self.refused.append("not in remote control, not running, or in a safety stop")
-            return
+            return b""
         try:
             calls = parse_program(lines)
         except ScriptError as error:
             self.refused.append(str(error))
-            return
-        self._abort()
+            return exception_message(now, 1, str(error))
+        if lines[0].startswith("sec"):
+            texts = [call.arguments["s1"] for call in calls if call.name == "textmsg"]
+            return b"".join(message(now, TEXT_MESSAGE, text.encode()) for text in texts)
+        self.end_program()
         self._program = asyncio.create_task(self._run(calls))
         self._playing.change(True)
+        return b""
 
-    def _abort(self) -> None:
+    def end_program(self) -> None:
+        """Stop the program that runs."""
         if self._program is not None and not self._program.done():
             self._program.cancel()
             self._playing.change(False)
@@ -210,7 +244,7 @@ class UrController:
         """Watchdog over a link: without an update for too long it acts."""
         await silence(1 / min_frequency, lambda: self.registers.received.get(variable_name))
         if action != "ignore":
-            self._abort()
+            self.end_program()
 
     # -- ports --------------------------------------------------------------------------------------------
 
@@ -222,14 +256,23 @@ class UrController:
         OSError
             A port is taken.
         """
-        ports: dict[str, tuple[str, int, Handler]] = {
-            "ur": ("rtde", 0, self.serve_rtde),
-            "ur-realtime": ("realtime", -1, self.serve_realtime),
-            "ur-secondary": ("secondary", -2, self.serve_secondary),
-            "ur-dashboard": ("dashboard", -5, self.serve_dashboard),
+        handlers: dict[str, Handler] = {
+            "rtde": self.serve_rtde,
+            "realtime": self.serve_realtime,
+            "secondary": self.serve_secondary,
+            "dashboard": self.serve_dashboard,
+            "primary": self.serve_primary,
         }
-        first = await servers.listen_around({offset: handler for _, offset, handler in ports.values()}, port)
-        return [Endpoint(name, protocol, first + offset) for name, (protocol, offset, _) in ports.items()]
+        first = await servers.listen_around(
+            {PORTS[name]: None if name in self.closed else handler for name, handler in handlers.items()},
+            port,
+        )
+        ends = [
+            Endpoint("ur" if name == "rtde" else f"ur-{name}", name, first + PORTS[name]) for name in handlers
+        ]
+        if self.is_polyscope_x:
+            ends.append(Endpoint("ur-api", "http", await servers.listen(RobotApi(self).serve)))
+        return ends
 
     async def serve_rtde(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         rtde = RtdeClient(self.variables, self.registers, self.clock, self.software, reader, writer)
@@ -239,9 +282,18 @@ class UrController:
         await self._stream(reader, writer, self._realtime, max(PERIOD_S / self.clock.time_scale, QUICKEST_S))
 
     async def serve_secondary(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        await self._serve_packages(reader, writer, talks=False)
+
+    async def serve_primary(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        await self._serve_packages(reader, writer, talks=True)
+
+    async def _serve_packages(
+        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, *, talks: bool
+    ) -> None:
         writer.write(version_message(self.software))
         writer.write(package(16, self._mode_data() + self._description()))
-        await self._stream(reader, writer, lambda: package(16, self._mode_data()), SECONDARY_S)
+        period_s = max(SECONDARY_S / self.clock.time_scale, QUICKEST_S)
+        await self._stream(reader, writer, self._robot_state, period_s, talks=talks)
 
     async def _stream(
         self,
@@ -249,22 +301,27 @@ class UrController:
         writer: asyncio.StreamWriter,
         state: Callable[[], bytes],
         period_s: float,
+        *,
+        talks: bool = False,
     ) -> None:
-        programs = asyncio.create_task(self._programs(reader))
+        programs = asyncio.create_task(self._programs(reader, writer if talks else None))
+        local = self.is_local
         try:
-            while not programs.done():
+            while not programs.done() and (local or not self.is_local):
                 writer.write(state())
                 await writer.drain()
                 await asyncio.wait([programs], timeout=period_s)
         finally:
             programs.cancel()
 
-    async def _programs(self, reader: asyncio.StreamReader) -> None:
+    async def _programs(self, reader: asyncio.StreamReader, answers: asyncio.StreamWriter | None) -> None:
         scripts = ScriptReader()
         with suppress(ConnectionError):
             while data := await reader.read(4096):
                 for program in scripts.feed(data):
-                    self.submit(program)
+                    told = self.submit(program)
+                    if answers is not None and told:
+                        answers.write(told)
 
     async def serve_dashboard(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         writer.write(b"Connected: Universal Robots Dashboard Server\n")
@@ -274,7 +331,7 @@ class UrController:
 
     def _dashboard(self, command: str) -> str:
         if command == "stop":
-            self._abort()
+            self.end_program()
             return "Stopped"
         remote = "true" if self.arm.mode == "auto" else "false"
         answers = {"is in remote control": remote} if self.software >= (5, 6) else {}
@@ -305,10 +362,17 @@ class UrController:
             safety_status=self.safety_mode,
         )
 
+    def _robot_state(self) -> bytes:
+        joints = joint_data(self.servo.actual(), self.servo.target(), self.servo.actual_speed())
+        return package(16, self._mode_data() + joints + masterboard_data(self.safety_mode))
+
     def _mode_data(self) -> bytes:
         return mode_data(
+            self.clock.now(),
             self.robot_mode,
             running=self.runtime_state == PLAYING,
+            paused=self.runtime_state == PAUSED,
+            speed=self.speed_slider,
             emergency=self.safety_mode == ROBOT_EMERGENCY_STOP,
             protective=self.safety_mode == PROTECTIVE_STOP,
         )

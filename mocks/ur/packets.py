@@ -1,8 +1,8 @@
-"""Packets of the UR streams on 30003 and 30002.
+"""Packets of the UR streams on 30003, 30002 and 30001.
 
 Written from the maker's sheets, not from the driver. A packet of 30003 (software 3.14) has 1140 bytes. Fields
-are at their place in the sheet, each a double. The stream on 30002 has packages of sub-packages, `>IB` size and
-type, with the version message first.
+are at their place in the sheet, each a double. The streams on 30002 and 30001 have packages of sub-packages, `>IB` size
+and type, with the version message first; the one on 30001 has messages between its states.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 REALTIME_BYTES = 1140
+UPTIME_S = 1e6
 _FIELDS = {  # offset of the first double
     "time": 4,
     "q_target": 12,
@@ -79,10 +80,55 @@ def kinematics(calibrated: Dh, checksum: Sequence[int] | None = None) -> bytes:
     return package(5, struct.pack(">6I24dI", *checksum, *numbers, 0))
 
 
-def mode_data(robot_mode: int, *, running: bool, emergency: bool, protective: bool) -> bytes:
+def _ticks(at_s: float) -> int:
+    """Return microseconds of a controller that was switched on some days ago."""
+    return int((at_s + UPTIME_S) * 1e6)
+
+
+def mode_data(
+    at_s: float,
+    robot_mode: int,
+    *,
+    running: bool,
+    paused: bool,
+    emergency: bool,
+    protective: bool,
+    speed: float,
+) -> bytes:
     """Return sub-package 0 with the modes of the robot.
 
-    It has a time stamp, five flags of the arm, program running, paused, mode, control mode and speeds.
+    It has a time stamp (microseconds), five flags of the arm, program running, paused, mode, control mode and speeds.
     """
-    flags = [True, True, robot_mode == 7, emergency, protective, running, False]
-    return package(0, struct.pack(">Q7?2B3d", 0, *flags, robot_mode, 0, 1.0, 1.0, 1.0))
+    flags = [True, True, robot_mode == 7, emergency, protective, running, paused]
+    return package(0, struct.pack(">Q7?2B3dB", _ticks(at_s), *flags, robot_mode, 0, speed, speed, 1.0, 0))
+
+
+def joint_data(actual: Sequence[float], target: Sequence[float], speed: Sequence[float]) -> bytes:
+    """Return sub-package 1: of each joint its angles, speed, current, voltage, two temperatures and mode."""
+    rows = zip(actual, target, speed, strict=True)
+    return package(1, b"".join(struct.pack(">3d4fB", *row, 0.1, 48.0, 30.0, 0.0, 253) for row in rows))
+
+
+def masterboard_data(safety_mode: int) -> bytes:
+    """Return sub-package 3, of a controller without the interface to an injection moulding machine.
+
+    Inputs and outputs, then temperature, voltage and currents, safety mode, reduced mode, the interface, and five
+    values of an e-Series.
+    """
+    board = struct.pack(">2I2B2d2b2d4f", 0, 0, 0, 0, 0.0, 0.0, 0, 0, 0.0, 0.0, 25.0, 48.0, 0.5, 0.1)
+    return package(3, board + struct.pack(">3BI3B", safety_mode, 0, 0, 0, 0, 0, 0))
+
+
+def message(at_s: float, kind: int, body: bytes) -> bytes:
+    """Return a message of the controller: time stamp, source, type and body."""
+    return package(20, struct.pack(">QbB", _ticks(at_s), -2, kind) + body)
+
+
+def error_message(at_s: float, code: int, argument: int, text: str) -> bytes:
+    """Return an error message, `C{code}A{argument}`: level 2 (warning), and data of no meaning."""
+    return message(at_s, 6, struct.pack(">3i2I", code, argument, 2, 1, 0) + text.encode())
+
+
+def exception_message(at_s: float, line: int, text: str) -> bytes:
+    """Return the message of an exception in a program."""
+    return message(at_s, 10, struct.pack(">2i", line, 1) + text.encode())

@@ -1,4 +1,4 @@
-"""Subset of URScript that drivers send: single calls, and programs `def name(): ... end`.
+"""Subset of URScript that drivers send: single calls, and programs `def name(): ... end`, or `sec` for secondary ones.
 
 Written from the script manual. It has movej, stopj, registers, rtde_set_watchdog, sleep, sync and textmsg,
 names for numbers and lists of them, and a loop that only waits for an input register. Anything else is an error
@@ -23,7 +23,7 @@ SIGNATURES: dict[str, dict[str, Any]] = {  # argument: default; ... must be give
     "sync": {},
     "textmsg": {"s1": ..., "s2": ""},
 }
-_HEAD = re.compile(r"def\s+\w+\(\)\s*:")
+_HEAD = re.compile(r"(?:def|sec)\s+\w+\(\)\s*:")
 _NAMED = re.compile(r"([a-z]\w*) = (.+)")
 _LOOP = re.compile(r"while read_input_integer_register\((.+)\) != (.+):")
 AWAIT = "await_input"  # the loop that waits, as a call

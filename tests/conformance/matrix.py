@@ -25,7 +25,8 @@ from tests.conformance.test_faults import UNDETECTABLE
 
 COLUMNS = 5
 ALL_FAULTS = (*FAULTS, *REQUEST_FAULTS)
-STREAMS = ("abb-simple-state", "ur-realtime", "ur-rtde")  # a late package holds up all that come behind it
+# A late package holds up all that come behind it.
+STREAMS = ("abb-simple-state", "ur-realtime", "ur-rtde", "ur-primary", "ur-x-rtde")
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,6 @@ RIGS: dict[str, Callable[[ExitStack], DriverRig]] = {
     **INSTRUMENT_RIGS,
 }
 # What comes back on this connection is used once, to see that a controller is there: only its requests are spoiled.
-REQUESTS_ONLY = {"ur-program"}
+REQUESTS_ONLY = {"ur-program", "ur-x-program"}
 # Where the robot moves on one request, which nobody confirms: a damaged one may send it elsewhere.
-MOVE_AT_ONCE = {"abb-stock", "abb-simple-motion", "fanuc-mappdk", "ur-realtime"}
+MOVE_AT_ONCE = {"abb-stock", "abb-simple-motion", "fanuc-mappdk", "ur-realtime", "ur-primary"}

@@ -23,9 +23,11 @@ from tests.drivers.waiting import until
 # No checksum, and a point cannot be measured twice the same; a beam that is sent elsewhere finds what is there.
 UNDETECTABLE = {("leica-emscon", fault) for fault in ("flip", "request_flip", "request_digit")}
 BRIDGED = {"faro-mbp1", "leica-mbp1", "ctrack-mbp1", "qc20w-mbp1", "qc20w-serial"}
-CLOCKED = BRIDGED | {"ur-rtde", "ur-realtime"}  # what they answer carries the clock of the device
-# A stream may lack a package, and half of two is one; on 30003 it goes on behind the answer, unread.
-QUIET = {("ur-rtde", "half"), ("abb-simple-state", "half"), *(("ur-realtime", fault) for fault in LOUD)}
+# What they answer carries the clock of the device.
+CLOCKED = BRIDGED | {"ur-rtde", "ur-realtime", "ur-primary", "ur-x-rtde"}
+# A stream may lack a package, and half of two is one; on 30003 and 30001 it goes on behind the answer, unread.
+QUIET = {(rig, "half") for rig in ("ur-rtde", "ur-x-rtde", "abb-simple-state")}
+QUIET |= {(rig, fault) for rig in ("ur-realtime", "ur-primary") for fault in LOUD}
 
 
 NAMES = sorted(set(RIGS) - REQUESTS_ONLY)

@@ -19,7 +19,7 @@ from service.conformance.faults import damaged_requests
 from tests.conformance.rigs import MOVE_AT_ONCE, REQUESTS_ONLY, RIGS
 from tests.conformance.test_faults import BRIDGED
 
-FEW_REQUESTS = BRIDGED | REQUESTS_ONLY | {"ur-realtime"}  # one or two a question
+FEW_REQUESTS = BRIDGED | REQUESTS_ONLY | {"ur-realtime", "ur-primary"}  # one or two a question
 STATES_ONLY = {"abb-simple-state"}  # this port hears nothing
 NO_SUM = {
     "leica-emscon"

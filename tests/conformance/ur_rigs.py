@@ -1,6 +1,7 @@
-"""Rigs of the UR driver: RTDE behind the proxy, the real-time packet, and programs alone.
+"""Rigs of the UR driver: RTDE behind the proxy, the real-time packet, the primary interface, and programs alone.
 
-The real-time packet is used with its programs.
+The real-time packet and the primary interface are used with their programs. The rigs of PolyScope X have neither a
+dashboard nor port 30003.
 """
 
 from __future__ import annotations
@@ -28,20 +29,23 @@ HASTY_UR = replace(HASTY_REQUESTS, start_s=3.0)
 TOLERANCE_DEG = 0.008  # read-back in steps of 1e-5 rad; a wrong bit below 1e-4 rad is believed
 
 
-def ur_rig(stack: ExitStack, proxied: str, feed: str) -> DriverRig:
+# Packages of 30003 and states of 30001 begin with their length; on 30004 a question may end without another to come.
+BOUNDARIES = {"rtde": b"", "realtime": (1140).to_bytes(4), "primary": (378).to_bytes(4)}
+
+
+def ur_rig(stack: ExitStack, proxied: str, feed: str, dialect: str = "polyscope-3.15") -> DriverRig:
     """Build the rig; question i goes to a distinct pose and reads it back.
 
-    `proxied` is the port: `rtde` or `realtime`.
+    `proxied` is the port: `rtde`, `realtime` or `primary`.
     """
-    file = CellFile(robot="ur5", time_scale=SCALE, effects=("none",))
+    robot = "ur5e" if dialect.startswith("polyscope-x") else "ur5"
+    file = CellFile(robot=robot, time_scale=SCALE, effects=("none",), dialect=dialect)
     cell = stack.enter_context(CellThread(file, devices=("ur",)))
-    device = "ur" if proxied == "rtde" else "ur-realtime"
-    # Packets on 30003 begin with their length; on 30004 a question may end without another package to come.
-    boundary = (1140).to_bytes(4) if proxied == "realtime" else b""
-    proxy = stack.enter_context(FaultProxy(cell.port(device), boundary=boundary, device=cell.do))
-    ports = {name: cell.port(f"ur-{name}") for name in ("realtime", "secondary", "dashboard")}
-    if proxied == "realtime":
-        ports["realtime"] = proxy.port
+    device = "ur" if proxied == "rtde" else f"ur-{proxied}"
+    proxy = stack.enter_context(FaultProxy(cell.port(device), boundary=BOUNDARIES[proxied], device=cell.do))
+    ports = {name: cell.port(f"ur-{name}") for name in ("realtime", "secondary", "primary", "dashboard")}
+    if proxied != "rtde":
+        ports[proxied] = proxy.port
     options = "&".join(f"{name}={port}" for name, port in ports.items())
     arm = UrArm(
         f"tcp://127.0.0.1:{proxy.port if proxied == 'rtde' else cell.port('ur')}?feed={feed}&{options}"
@@ -69,4 +73,7 @@ UR_RIGS: dict[str, Callable[[ExitStack], DriverRig]] = {
     "ur-rtde": partial(ur_rig, proxied="rtde", feed="rtde"),
     "ur-realtime": partial(ur_rig, proxied="realtime", feed="realtime"),
     "ur-program": partial(ur_rig, proxied="realtime", feed="rtde"),
+    "ur-primary": partial(ur_rig, proxied="primary", feed="primary", dialect="polyscope-x-primary"),
+    "ur-x-rtde": partial(ur_rig, proxied="rtde", feed="rtde", dialect="polyscope-x"),
+    "ur-x-program": partial(ur_rig, proxied="primary", feed="rtde", dialect="polyscope-x"),
 }

@@ -108,6 +108,7 @@ BENCHES = {
         more={"pulses_per_deg": PULSES_PER_DEG, "max_deg_s": MAX_DEG_S},
     ),
     "ur-realtime": replace(UR, query="?feed=realtime", identity=(*UR.identity[:2], "realtime")),
+    "ur-primary": replace(UR, query="?feed=primary", identity=(*UR.identity[:2], "primary")),
 }
 FANUC_WIRES = ["mappdk", "mappdk-cal", "modbus-hmi", "modbus-io"]
 STOPPABLE = [

@@ -162,7 +162,7 @@ def test_answer_without_terminator_ends_by_its_form(pair: Pair) -> None:
 
 def test_nobody_listens() -> None:
     with nobody_listens() as port, pytest.raises(LinkLost, match="port is closed") as lost:
-        TcpLink(Address("127.0.0.1", port), "dev", enabled_at="Enable it.").open(connect_s=1)
+        TcpLink(Address("127.0.0.1", port), "dev", enabled_at=lambda: "Enable it.").open(connect_s=1)
     assert lost.value.what_to_do.startswith("Cable and power are in order")
     assert lost.value.what_to_do.endswith("Enable it.")
 

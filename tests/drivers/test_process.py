@@ -14,9 +14,10 @@ from typing import Any
 import pytest
 
 from drivers import AbbArm, FanucArm, FaroTracker, Qc20w, UrArm, YaskawaArm
-from mocks.__main__ import DEVICES, DIALECTS, ROBOTS, speak
+from mocks.__main__ import DEVICES, ROBOTS
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
+from mocks.dialects import DIALECTS, speak
 from mocks.yaskawa.controller import MAX_DEG_S, PULSES_PER_DEG
 from tests.drivers.waiting import PATIENCE_S
 

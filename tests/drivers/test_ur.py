@@ -73,7 +73,7 @@ def test_local_control_is_told_before_a_campaign_falls_over_it(fast: CellThread)
     ur, arm = fast.cell.ur, UrArm(fast.url("ur"))
     details = ROBOTS["ur"].details
     assert details is not None
-    assert arm.in_remote_control() is None  # a CB3 does not say
+    assert UrArm(fast.url("ur")).in_remote_control() is None  # a CB3 does not say
     ur.software = (5, 11, 1, 108318)
     assert arm.in_remote_control() is True
     assert details(arm, arm.status()).trouble is None

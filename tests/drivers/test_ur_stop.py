@@ -74,7 +74,7 @@ def test_stop_that_overtakes_the_program_is_said_again(slow: CellThread) -> None
     assert slow.cell is not None
     late: list[list[str]] = []
 
-    def hold_back(lines: list[str]) -> None:
+    def hold_back(lines: list[str]) -> bytes:
         if len(lines) > 1 and not late:
             late.append(lines)
         else:
@@ -82,6 +82,7 @@ def test_stop_that_overtakes_the_program_is_said_again(slow: CellThread) -> None
             if late and len(late) == 1:
                 late.append([])
                 send(late[0])
+        return b""
 
     slow.cell.ur.submit = hold_back
     move = in_thread(lambda: arm.move_to(FAR))
@@ -133,20 +134,20 @@ def test_disconnect_does_not_cut_the_stop_of_the_move_that_it_ends(slow: CellThr
 def test_after_a_disconnect_no_program_is_sent(slow: CellThread, feed: str) -> None:
     arm = creeping(slow, feed)
     arm.arm()
-    talk = arm._realtime.talk
+    talk = arm._ports[0].talk
 
     @contextmanager
     def late(command: str, **keywords: bool) -> Iterator[Any]:
         with talk(command, **keywords) as conversation:
             if command == "move_to":
                 arm.disconnect()
-                arm._realtime._asked.clear()
+                arm._ports[0]._asked.clear()
                 with talk(command) as again:  # a connection that disconnect came too early to see
                     yield again
                 return
             yield conversation
 
-    arm._realtime.talk = late
+    arm._ports[0].talk = late
     with pytest.raises((LinkError, MotionStopped)):
         arm.move_to(FAR)
     assert slow.do("state")["joints_deg"] == (0.0,) * 6

@@ -162,8 +162,8 @@ def test_driver_without_rtde_speaks_urscript() -> None:
         arm = UrArm(f"tcp://127.0.0.1:30004?feed=realtime&realtime={states.port}")
         arm.connect()
         arm.arm()
-        talk = UrArm(f"tcp://127.0.0.1:30004?realtime={programs.port}")._realtime.talk
-        arm._realtime.talk = talk
+        talk = UrArm(f"tcp://127.0.0.1:30004?realtime={programs.port}")._ports[0].talk
+        arm._ports[0].talk = talk
         reached = arm.move_to((28.64788975654116, 0, 0, 0, 0, -14.32394487827058))
         assert reached.joints_deg == pytest.approx((28.64788975654116, 0, 0, 0, 0, -14.32394487827058))
         arm.disconnect()

@@ -67,6 +67,7 @@ def files_of(example: str, campaign: str = "campaign") -> tuple[Cell, Campaign]:
             "campaign",
             {("calibration", 1): 38, ("repeat", 1): 20, ("validation", 1): 20, ("reference", 1): 4},
         ),
+        ("ur5e_polyscopex", "campaign", {("calibration", 1): 24, ("validation", 1): 10, ("reference", 1): 2}),
         (
             "gp7_faro",
             "campaign",
@@ -115,13 +116,23 @@ def run_simulated(folder: Path, cell: Cell, campaign: Campaign) -> Run:
 
 @pytest.mark.parametrize(
     ("example", "hidden"),
-    [("irb120_ctrack", 0.15), ("ur5_leica", 0.0)],  # the arm may come between cameras and base
+    [
+        ("irb120_ctrack", 0.15),
+        ("ur5_leica", 0.0),
+        ("ur5e_polyscopex", 0.0),
+    ],  # the arm may come between cameras and base
 )
 def test_it_runs_on_its_simulated_cell(example: str, hidden: float, tmp_path: Path) -> None:
     cell, campaign = faster(example, "campaign", warm_up_s=0.0)
     with run_simulated(tmp_path, cell, campaign) as run:
         status = run.status()
+        met = next(e.data for e in run.events() if e.kind == "connected" and e.data["role"] == "robot")
         dataset = read_dataset(export(tmp_path / "record", tmp_path / "data.csv"))
+    assert ("calibration" in met) == (cell.robot.driver == "ur")
+    if "calibration" in met:  # what its controller calculates with is kept
+        held = met["calibration"]
+        assert (held["name"], len(held["checksum"])) == (met["alias"], 6)
+        assert set(map(len, held["deltas"].values())) == {6}
     planned = sum(len(visit.targets) for visit in checked_plan(cell, campaign) if visit.kind == "pose")
     assert status.total == planned
     assert status.skipped <= hidden * planned

@@ -30,8 +30,8 @@ CHANGES = (
     ),
     Change(
         "drivers/ur/secondary.py",
-        '.split(".")[0]) >= 5',
-        '.split(".")[0]) >= 6',
+        "_TWICE and software >= E_SERIES",
+        "_TWICE and software >= (6,)",
         "an arm in the box of the e-Series passes for one of the CB series",
         ("tests/drivers/test_ur.py::test_the_software_tells_the_series_of_the_arm",),
     ),

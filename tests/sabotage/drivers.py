@@ -177,11 +177,25 @@ CHANGES = (
         _UR,
     ),
     Change(
-        "drivers/ur/realtime.py",
+        "drivers/ur/script_port.py",
         "        if not outlives_close:\n            self._asked",
         "        if command:\n            self._asked",
         "a disconnect cuts the stop of the move that it ends",
         _UR,
+    ),
+    Change(
+        "drivers/ur/arm.py",
+        "problem = not_ready(state) or self.local_control()",
+        "problem = not_ready(state)",
+        "a UR under local control is armed",
+        ("tests/drivers/test_ur_services.py",),
+    ),
+    Change(
+        "drivers/ur/fallback_stop.py",
+        "        for end in end_program:\n            end()",
+        "        for end in end_program:\n            assert end",
+        "neither dashboard nor Robot API is asked for the stop of a UR",
+        ("tests/drivers/test_ur_services.py",),
     ),
     Change(
         "drivers/ur/state.py",

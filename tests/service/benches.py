@@ -44,10 +44,12 @@ class Bench:
 
 
 @contextmanager
-def bench(example: str, folder: Path, robot_driver: str = "", instrument_driver: str = "") -> Iterator[Bench]:
+def bench(
+    example: str, folder: Path, robot_driver: str = "", instrument_driver: str = "", dialect: str = ""
+) -> Iterator[Bench]:
     """Set up the cell of an example in a folder.
 
-    Drivers for robot or instrument replace those of the example if they are named.
+    Drivers for robot or instrument, and the dialect of a device, replace those of the example if they are named.
     """
     file = folder / "cell.toml"
     shutil.copy(ROOT / "examples" / example / "cell.toml", file)
@@ -57,6 +59,7 @@ def bench(example: str, folder: Path, robot_driver: str = "", instrument_driver:
             text = re.sub(rf'(?s)(\[{section}\].*?driver = )"[a-z]+"', rf'\1"{driver}"', text, count=1)
     file.write_text(text, "utf-8")
     described = replace(read_mock_cell(file), time_scale=1.0)
+    described = replace(described, dialect=dialect or described.dialect)
     names = (described.robot_driver, described.instrument_driver)
     with CellThread(described, devices=names) as simulators:
         urls = iter([simulators.url(name) for name in names])

@@ -102,9 +102,11 @@ LOOKS = {
     "abb": rb"(0|4|98|200|202 \d+|205 \d+) #",
     "faro|leica|ctrack|qc20w": rb"\d+ (HELLO [^*]*|STATUS|PING|CAL|MODELS|BYE)\*\w{4}\n",
     "fanuc": rb"(curjpos|curpos|calname:\d+|calstat:\d+)\n",
-    # RTDE packages V v O S P: versions, outputs, start, pause; the dashboard is asked for two things
     "yaskawa": rb"YERC.{20}[\x70-\x77\x89]\x00..\x00\x01\x00\x00",  # service 1 reads
-    "ur": rb"([\x00\x01].[VvOSP].*)|(get serial number|is in remote control)\n",
+    # RTDE packages V v O S P: versions, outputs, start, pause; the dashboard is asked for two things. PolyScope X is
+    # asked by HTTP, and by a program that writes one line beside any other and can neither move nor set anything.
+    "ur": rb"([\x00\x01].[VvOSP].*)|(get serial number|is in remote control)\n|GET /[a-z0-9/.]+ |"
+    rb'sec truepose\(\):\n  textmsg\("truepose asks"\)\nend\n',
 }
 
 

@@ -250,43 +250,69 @@ def test_a_clock_that_stands(faro: Bench) -> None:
     assert faults(faro.examine(progress=tell)) == {("instrument", "clock"): (1003, "ProtocolError")}
 
 
+PORTS = {"realtime": -1, "secondary": -2, "primary": -3, "dashboard": -5}
+
+
+def with_closed(ur: Bench, nobody: int, *closed: str) -> Examination:
+    """Examine a UR, some of whose ports nobody serves."""
+    first = ur.simulators.port("ur")
+    ports = {name: nobody if name in closed else first + offset for name, offset in PORTS.items()}
+    options = "&".join(f"{name}={port}" for name, port in ports.items())
+    main = nobody if "rtde" in closed else first
+    ur.rewrite(ur.simulators.url("ur"), f"tcp://127.0.0.1:{main}?{options}")
+    return ur.examine()
+
+
 def test_a_closed_port_ends_one_check_and_names_the_menu(tmp_path: Path) -> None:
-    """A UR whose secondary interface is not enabled: who it is cannot be asked, all else can."""
-    with bench("ur5_leica", tmp_path) as ur5, nobody_listens() as closed:
-        url = ur5.simulators.url("ur")
-        ur5.rewrite(url, f"{url}?secondary={closed}")
-        found = ur5.examine()
+    """A UR that sends its identity nowhere: all else can be asked."""
+    with bench("ur5e_polyscopex", tmp_path, dialect="polyscope-5.11") as ur5e, nobody_listens() as closed:
+        found = with_closed(ur5e, closed, "secondary", "primary")
     assert faults(found) == {("robot", "identity"): (1002, "LinkLost")}
     (fault,) = found.faults
     assert f"127.0.0.1:{closed}" in fault.found
     assert "port is closed" in fault.found
+    assert "PolyScope 5.11" in fault.do
     assert "Settings > Security > Services" in fault.do
+    assert "Secondary Client Interface" in fault.do
     assert "Cable and power are in order" in fault.do
     for check in ("safety", "motors", "warm_up", "position", "stop", "motion"):
         assert level_of(found, "robot", check) in ("ok", "note"), check
+    services = next(each for each in found.notes if each.check == "services")
+    assert "Secondary Client Interface, Primary Client Interface" in services.found
 
 
 def test_a_robot_whose_main_ports_are_closed_still_tells_who_it_is(tmp_path: Path) -> None:
-    with bench("ur5_leica", tmp_path) as ur5, nobody_listens() as closed:
-        first = ur5.simulators.port("ur")
-        others = f"realtime={closed}&secondary={first - 2}&dashboard={first - 5}"
-        ur5.rewrite(ur5.simulators.url("ur"), f"tcp://127.0.0.1:{closed}?{others}")
-        found = ur5.examine()
+    with bench("ur5e_polyscopex", tmp_path, dialect="polyscope-5.11") as ur5e, nobody_listens() as closed:
+        found = with_closed(ur5e, closed, "rtde", "realtime", "primary")
     assert faults(found) == {("robot", "link"): (1002, "LinkLost")}
     assert level_of(found, "robot", "model") == "ok"
-    assert "Services" in found.faults[0].do
+    assert "Settings > Security > Services" in found.faults[0].do
+    assert "enable Real-Time Data Exchange (RTDE) and Primary Client Interface" in found.faults[0].do
 
 
 def test_rtde_closed_is_named_with_its_menu(tmp_path: Path) -> None:
-    with bench("ur5_leica", tmp_path) as ur5, nobody_listens() as closed:
-        first = ur5.simulators.port("ur")
-        others = f"realtime={first - 1}&secondary={first - 2}&dashboard={first - 5}"
-        ur5.rewrite(ur5.simulators.url("ur"), f"tcp://127.0.0.1:{closed}?{others}")
-        found = ur5.examine()
+    with bench("ur5e_polyscopex", tmp_path, dialect="polyscope-5.11") as ur5e, nobody_listens() as closed:
+        found = with_closed(ur5e, closed, "rtde")
     assert found.faults == []
     wire = next(each for each in found.notes if each.check == "wire")
     assert "the port of RTDE is closed" in wire.found
     assert "Services" in wire.found
+
+
+def test_polyscope_x_is_healthy_without_a_dashboard(tmp_path: Path) -> None:
+    with bench("ur5e_polyscopex", tmp_path) as ur5e:
+        found = ur5e.examine()
+        assert found.faults == []
+        assert level_of(found, "robot", "calibration") == "ok"
+        assert {each.check for each in found.notes if each.device == "robot"} <= {
+            "driver",
+            "untold",
+            "position",
+        }
+        ur5e.simulators.do("mode", mode="manual")
+        found = ur5e.examine()
+    assert faults(found) == {("robot", "program"): (3004, "WrongMode")}
+    assert "safety overview" in found.faults[0].do
 
 
 # -- a robot that tells little, or moves ---------------------------------------------------------------------
