@@ -44,7 +44,7 @@ from drivers.errors import (
     Unmeasurable,
     WrongMode,
 )
-from drivers.fanuc.arm import FanucArm
+from drivers.fanuc.arm import FanucArm, FanucRmiArm
 from drivers.fanuc.controller import FanucDeadlines
 from drivers.faro.ion import FaroTracker
 from drivers.interfaces import (
@@ -123,6 +123,7 @@ __all__ = [
     "Factory",
     "FanucArm",
     "FanucDeadlines",
+    "FanucRmiArm",
     "FaroTracker",
     "HandGuided",
     "Identity",

@@ -20,10 +20,12 @@ from mocks.cell import Cell
 from mocks.cell_file import CellFile, read_cell
 
 PROGRAM = "truepose mock"  # as most people start it
-_ALONE = ("abb", "abb-simple", "ctrack", "emscon", "fanuc", "faro", "leica", "ur", "yaskawa")
+_ALONE = ("abb", "abb-simple", "ctrack", "emscon", "fanuc", "fanuc-rmi", "faro", "leica", "ur", "yaskawa")
 DEVICES = {name: (name,) for name in _ALONE} | {"qc20w": ("qc20w", "qc20w-serial")}
+_LR_MATE = "fanuc-lrmate200ic"
 ROBOTS = {
-    "fanuc": "fanuc-lrmate200ic",
+    "fanuc": _LR_MATE,
+    "fanuc-rmi": _LR_MATE,
     "ur": "ur5",
     "yaskawa": "yaskawa-gp7",
 }  # of a cell of one device, if not the usual arm

@@ -115,6 +115,7 @@ class Cell:
             | self.qc20w.orders()
             | self.leica.orders()
             | self.emscon.orders()
+            | self.fanuc.rmi.orders()
             | {
                 "yaskawa": self.yaskawa.put,
                 "touch": self._touch,
@@ -211,6 +212,8 @@ class Cell:
                 ends += await self.abb_simple.listen(self._servers, port if not ends else 0)
             if "fanuc" in self.devices:
                 ends += await self.fanuc.listen(self._servers, port if not ends else 0)
+            if "fanuc-rmi" in self.devices:
+                ends += await self.fanuc.rmi.listen(self._servers, port if not ends else 0)
             if "ur" in self.devices:
                 ends += await self.ur.listen(self._servers, port if not ends else 0)
             if "yaskawa" in self.devices:

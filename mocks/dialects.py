@@ -28,6 +28,10 @@ def _polyscope(
     return put
 
 
+def _older_rmi(cell: Cell) -> None:
+    cell.fanuc.rmi.version = (5, 0)
+
+
 def _without_sums(cell: Cell) -> None:
     for bridge in cell.bridges:
         bridge.sums = False
@@ -39,6 +43,7 @@ _MBP: Mapping[str, Callable[[Cell], None]] = {"mbp1": _ours, "mbp1-plain": _with
 DIALECTS: Mapping[str, Mapping[str, Callable[[Cell], None]]] = {
     "abb": {"calsrv": _ours, "open_abb": _stock},
     "abb-simple": {"simple_message": _ours},
+    "fanuc-rmi": {"rmi": _ours, "rmi-5": _older_rmi},
     "fanuc": {"mappdk-cal": _ours, "mappdk": _stock},  # Modbus is served in addition to either
     "ur": {
         "polyscope-3.15": _polyscope((3, 15, 8, 106339)),

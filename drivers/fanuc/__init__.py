@@ -1,1 +1,1 @@
-"""Fanuc R-30iA and later: MAPPDK text or Modbus registers (`drivers.fanuc.arm`)."""
+"""Fanuc R-30iA and later: MAPPDK text, Modbus registers or RMI (`drivers.fanuc.arm`)."""

@@ -1,10 +1,12 @@
-"""Fanuc R-30iA and later, with one of three protocols, chosen by the options of the address.
+"""Fanuc R-30iA and later: three protocols, chosen by the address, and RMI.
 
     tcp://192.168.1.10:18735                 MAPPDK text dialect; second connection on the next port
     tcp://192.168.1.10:502?modbus=hmi        Modbus TCP, registers R[] and PR[] (option R553, from V8.30)
     tcp://192.168.1.10:502?modbus=io         Modbus TCP, group signals only (R-30iA)
+    tcp://192.168.1.10:16001                 driver `fanuc-rmi`: RMI (option R912, from R-30iB Plus); `?session=PORT`
+                                             replaces the port that the controller hands over, behind a router
 
-`drivers.fanuc.mappdk` and `drivers.fanuc.modbus` implement the protocols; this module has what they share. All angles
+`drivers.fanuc.mappdk`, `modbus` and `rmi` implement the protocols; this module has what they share. All angles
 are those that the controller counts, as in a data set with `joint_coupling = "fanuc-j23"`.
 
 A stock MAPPDK move ends in CNT, never FINE: its answer may come before the robot is at rest. Every move is therefore
@@ -18,7 +20,8 @@ import logging
 import math
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import ClassVar
 
 from drivers.errors import (
     Busy,
@@ -37,13 +40,21 @@ from drivers.fanuc.controller import (
     raise_if_unfit,
 )
 from drivers.fanuc.mappdk import MappdkController
+from drivers.fanuc.rmi import RmiController
 from drivers.interfaces import Identity, JointReading, RobotStatus, apart_deg, is_there
 from drivers.limits import Caps
 from drivers.link import TcpLink, WireSink, parse_url
 
 _LOG = logging.getLogger(__name__)
 _MAX_DEG_S = (350.0, 350.0, 400.0, 450.0, 450.0, 720.0)  # LR Mate 200iC, data sheet; `?max_deg_s=` for others
+Protocols = Mapping[str | None, Callable[[TcpLink, FanucDeadlines], FanucController]]
 _AGREE_DEG = 0.002  # two readings of a robot at rest: twice the resolution of MAPPDK
+
+
+def _modbus(link: TcpLink, deadlines: FanucDeadlines) -> FanucController:
+    from drivers.fanuc.modbus import ModbusController  # pymodbus, of the extra `cell`
+
+    return ModbusController(link, deadlines)
 
 
 class FanucArm:
@@ -58,12 +69,14 @@ class FanucArm:
     """
 
     unverified_on_hardware = True
+    usual_name: ClassVar[str] = "fanuc"
+    protocols: ClassVar[Protocols] = {None: MappdkController, "hmi": _modbus, "io": _modbus}
 
     def __init__(
         self,
         url: str,
         *,
-        name: str = "fanuc",
+        name: str | None = None,
         speed_mm_s: float = 500.0,
         speed_deg_s: float = 20.0,
         limits_deg: Sequence[Sequence[float]] | None = None,
@@ -72,14 +85,16 @@ class FanucArm:
         wire: WireSink | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
+        name = self.usual_name if name is None else name
         caps = Caps(speed_mm_s, speed_deg_s, limits_deg, joints=JOINTS, widest_deg=WIDEST_DEG, device=name)
         address = parse_url(url)
         kind = address.options.get("modbus")
         if kind not in (None, "hmi", "io"):
+        if kind not in self.protocols:
             raise ConfigError(
-                f"modbus={kind!r} in {url!r} is neither hmi nor io",
+                f"modbus={kind!r} in {url!r} is neither hmi nor io, or the driver is {name}",
                 device=name,
-                what_to_do="Use modbus=hmi or modbus=io.",
+                what_to_do="Use modbus=hmi or modbus=io with the driver fanuc.",
             )
         self.name = name
         self._max_deg_s = _speeds(address.options.get("max_deg_s"), url)
@@ -87,7 +102,7 @@ class FanucArm:
         self._hold_deg = hold_deg
         self._clock = clock
         link = TcpLink(address, name, wire=wire, clock=clock)
-        self._controller = _controller(kind, link, deadlines or FanucDeadlines())
+        self._controller = self.protocols[kind](link, deadlines or FanucDeadlines())
         self._lock = threading.RLock()
         self._armed = False
         self._stopped = threading.Event()
@@ -112,7 +127,7 @@ class FanucArm:
 
     @property
     def dialect(self) -> str:
-        """`mappdk`, `mappdk-cal`, `modbus-hmi` or `modbus-io`, as found by the last connect."""
+        """`mappdk`, `mappdk-cal`, `modbus-hmi`, `modbus-io` or `rmi`, as found by the last connect."""
         return self._controller.dialect
 
     @property
@@ -154,7 +169,7 @@ class FanucArm:
         self._controller.close()
 
     def identify(self) -> Identity:
-        """Return the identity from the controller; stock MAPPDK and Modbus report none.
+        """Return the identity from the controller; stock MAPPDK, Modbus and RMI report no model.
 
         Raises
         ------
@@ -309,16 +324,15 @@ class FanucArm:
         return percent, self.deadlines.move_factor * 100 * full_s / percent + self.deadlines.move_margin_s
 
 
+class FanucRmiArm(FanucArm):
+    """The driver of a Fanuc robot with Remote Motion Interface."""
+
+    usual_name = "fanuc-rmi"
+    protocols: ClassVar[Protocols] = {None: RmiController}
+
+
 def _apart(one: JointReading, two: JointReading) -> float:
     return apart_deg(one.joints_deg, two.joints_deg)
-
-
-def _controller(kind: str | None, link: TcpLink, deadlines: FanucDeadlines) -> FanucController:
-    if kind is None:
-        return MappdkController(link, deadlines)
-    from drivers.fanuc.modbus import ModbusController  # pymodbus, of the extra `cell`
-
-    return ModbusController(link, deadlines)
 
 
 def _speeds(text: str | None, url: str) -> tuple[float, ...]:

@@ -1,4 +1,4 @@
-"""A Fanuc controller with either protocol: MAPPDK text or Modbus registers.
+"""A Fanuc controller with any protocol: MAPPDK text, Modbus registers or RMI.
 
 Angles are the controller's own (deg): its joint 3 is counted from the horizontal. The conversion to the angles of a
 kinematic model is the joint matrix `fanuc-j23` of the robot file. It is made by users of a model, never here.
@@ -41,6 +41,10 @@ class FanucDeadlines:
         Time from the reported end of a move to two equal readings at the target, `gap_s` apart.
     still_s
         A robot that rests for this time during a move has been stopped.
+    takeover_s
+        Time in which the controller notices that the last RMI session has ended.
+    abort_s
+        For the answer to FRC_Abort of RMI. It was seen to take more than 5 s where nothing ran.
     """
 
     connect_s: float = 3.0
@@ -50,6 +54,8 @@ class FanucDeadlines:
     settle_s: float = 3.0
     gap_s: float = 0.05
     still_s: float = 2.0
+    takeover_s: float = 5.0
+    abort_s: float = 15.0
     move_factor: float = 2.0
     move_margin_s: float = 10.0
 
@@ -95,7 +101,7 @@ class FanucController(Protocol):
 
 
 # Facility code and number of alarms with a separate class (SRVO 11, MOTN 15).
-_ALARMS: dict[tuple[int, int], tuple[type[AcquisitionError], str]] = {
+ALARMS: dict[tuple[int, int], tuple[type[AcquisitionError], str]] = {
     (11, 1): (EmergencyStop, "SRVO-001, emergency stop of the operator panel"),
     (11, 2): (EmergencyStop, "SRVO-002, emergency stop of the teach pendant"),
     (11, 7): (EmergencyStop, "SRVO-007, external emergency stop"),
@@ -108,7 +114,7 @@ _ALARMS: dict[tuple[int, int], tuple[type[AcquisitionError], str]] = {
 
 def alarm(facility: int, number: int) -> tuple[type[AcquisitionError], str]:
     """Return the error class and the text for an alarm that ended a move."""
-    return _ALARMS.get((facility, number), (ProtectiveStop, f"alarm {facility}-{number:03d}"))
+    return ALARMS.get((facility, number), (ProtectiveStop, f"alarm {facility}-{number:03d}"))
 
 
 VERSION = 2  # of the robot-side programs

@@ -1,11 +1,14 @@
-"""The declaration of the driver of Fanuc robots, not run against hardware yet."""
+"""The declarations of the drivers of Fanuc robots, not run against hardware yet."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from drivers.declaration import RobotDriver
 from drivers.details import Details
-from drivers.fanuc.arm import FanucArm
+from drivers.fanuc.arm import FanucArm, FanucRmiArm
 from drivers.fanuc.controller import alarm
+from drivers.fanuc.rmi import override_of
 from drivers.interfaces import RobotStatus
 
 
@@ -18,4 +21,12 @@ def _details(device: FanucArm, status: RobotStatus) -> Details:
     return Details(trouble=kind(text, raw=status.raw))
 
 
-DRIVERS = (RobotDriver(name="fanuc", make=FanucArm, details=_details),)
+def _rmi_details(device: FanucArm, status: RobotStatus) -> Details:
+    """Return the meaning of the alarm, and the general override."""
+    return replace(_details(device, status), speed_share=override_of(status))
+
+
+DRIVERS = (
+    RobotDriver(name="fanuc", make=FanucArm, details=_details),
+    RobotDriver(name="fanuc-rmi", make=FanucRmiArm, details=_rmi_details),
+)

@@ -1,1 +1,1 @@
-"""A simulated Fanuc: its controller, and the wires MAPPDK and Modbus TCP."""
+"""A simulated Fanuc: its controller, and the wires MAPPDK, Modbus TCP and RMI."""

@@ -1,10 +1,11 @@
-"""Simulated Fanuc with all protocols: MAPPDK on two ports, Modbus TCP in two layouts."""
+"""Simulated Fanuc: MAPPDK on two ports, Modbus TCP in two layouts, RMI."""
 
 from __future__ import annotations
 
 from mocks.fanuc.controller import FanucController
 from mocks.fanuc.mappdk import MappdkServer
 from mocks.fanuc.modbus import HmiImage, IoImage, ModbusServer
+from mocks.fanuc.rmi import RmiServer
 from mocks.shared.arm_device import ArmDevice
 from mocks.shared.clock import CellClock
 from mocks.shared.sockets import Endpoint, Servers
@@ -17,13 +18,14 @@ class Fanuc:
     def __init__(self, arm: ArmDevice, clock: CellClock, robot: Robot, *, stock: bool) -> None:
         self.controller = FanucController(arm, clock, robot)
         self.mappdk = MappdkServer(self.controller, stock=stock)
+        self.rmi = RmiServer(self.controller)
         self.modbus = {
             "fanuc-modbus-hmi": ("modbus-hmi", ModbusServer(HmiImage(self.controller))),
             "fanuc-modbus-io": ("modbus-io", ModbusServer(IoImage(self.controller))),
         }
 
     async def listen(self, servers: Servers, port: int) -> list[Endpoint]:
-        """Start all servers, the first at `port`; 0 is a free port.
+        """Start all servers except that of RMI, the first at `port`; 0 is a free port.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Rigs of the Fanuc: MAPPDK, stock or custom server, and Modbus in both register layouts."""
+"""Rigs of the Fanuc: MAPPDK, stock or custom server, Modbus in both layouts, RMI."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
 
-from drivers import FanucArm, FanucDeadlines
+from drivers import FanucArm, FanucDeadlines, RobotArm, open_robot
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
 from mocks.faultproxy import FaultProxy
@@ -18,18 +18,28 @@ from tests.conformance.truth import SCALE, sent_elsewhere
 CELL = CellFile(robot="fanuc-lrmate200ic", time_scale=SCALE, effects=("none",))
 PATIENT = FanucDeadlines(gap_s=0.001, move_margin_s=30.0, reply_s=30.0, settle_s=30.0)
 HASTY = replace(
-    PATIENT, move_margin_s=0.1, move_factor=0.0, reply_s=0.1, stop_s=0.1, settle_s=0.1, connect_s=0.1
+    PATIENT,
+    move_margin_s=0.1,
+    move_factor=0.0,
+    reply_s=0.1,
+    stop_s=0.1,
+    settle_s=0.1,
+    connect_s=0.1,
+    takeover_s=0.1,
+    abort_s=0.1,
 )
 
 
 def fanuc_rig(stack: ExitStack, *, device: str, options: str = "", stock: bool = True) -> DriverRig:
-    """Build the rig; question i goes to a distinct pose and reads it back.
-
-    With `stock`, the server is the one of text alone.
-    """
+    """Build the rig of text or registers; with `stock`, the server is the one of text alone."""
     cell = stack.enter_context(CellThread(CELL, stock=stock, devices=("fanuc",)))
     proxy = stack.enter_context(FaultProxy(cell.port(device), device=cell.do))
     arm = FanucArm(f"tcp://127.0.0.1:{proxy.port}?logger={cell.port('fanuc-logger')}{options}")
+    return _moves(stack, cell, proxy, arm)
+
+
+def _moves(stack: ExitStack, cell: CellThread, proxy: FaultProxy, arm: RobotArm) -> DriverRig:
+    """Return the rig whose question i goes to a distinct pose and reads it back."""
     stack.callback(arm.disconnect)
     goals: list[tuple[float, ...]] = []
 
@@ -74,10 +84,19 @@ def fanuc_state_rig(stack: ExitStack) -> DriverRig:
     return DriverRig(arm, proxy, cell.do, ask, 0.0, 3 * HASTY.reply_s, PATIENT, HASTY)
 
 
+def rmi_rig(stack: ExitStack) -> DriverRig:
+    """Build the rig of RMI, with the session behind the proxy."""
+    cell = stack.enter_context(CellThread(CELL, devices=("fanuc-rmi",)))
+    proxy = stack.enter_context(FaultProxy(cell.port("fanuc-rmi-session"), boundary=b"\n", device=cell.do))
+    arm = open_robot("fanuc-rmi", f"{cell.url('fanuc-rmi')}?session={proxy.port}")
+    return _moves(stack, cell, proxy, arm)
+
+
 FANUC_RIGS: dict[str, Callable[[ExitStack], DriverRig]] = {
     "fanuc-mappdk": partial(fanuc_rig, device="fanuc"),
     "fanuc-mappdk-cal": fanuc_state_rig,
     "fanuc-mappdk-own": partial(fanuc_rig, device="fanuc", stock=False),
     "fanuc-modbus-hmi": partial(fanuc_rig, device="fanuc-modbus-hmi", options="&modbus=hmi"),
     "fanuc-modbus-io": partial(fanuc_rig, device="fanuc-modbus-io", options="&modbus=io"),
+    "fanuc-rmi": rmi_rig,
 }

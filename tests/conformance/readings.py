@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from drivers import (
@@ -25,6 +26,7 @@ from drivers import (
     WireSink,
     YaskawaArm,
     YaskawaDeadlines,
+    open_robot,
 )
 from mocks.cell import CellThread, make_world
 from mocks.cell_file import CellFile
@@ -113,8 +115,11 @@ def ballbar(device: str) -> Setup:
     return setup
 
 
+QUICK = FanucDeadlines(gap_s=0.001)
+
+
 def _quick_fanuc(url: str, wire: WireSink | None) -> FanucArm:
-    return FanucArm(url, wire=wire, deadlines=FanucDeadlines(gap_s=0.001))
+    return FanucArm(url, wire=wire, deadlines=QUICK)
 
 
 def _quick_yaskawa(url: str, wire: WireSink | None) -> YaskawaArm:
@@ -140,6 +145,7 @@ READINGS: dict[str, Setup] = {
     "fanuc, MAPPDK with CALSRV": robot(_quick_fanuc, "fanuc", FANUC, "?logger={fanuc_logger}"),
     "fanuc, Modbus hmi": robot(_quick_fanuc, "fanuc-modbus-hmi", FANUC, "?modbus=hmi"),
     "fanuc, Modbus io": robot(_quick_fanuc, "fanuc-modbus-io", FANUC, "?modbus=io"),
+    "fanuc, RMI": robot(partial(open_robot, "fanuc-rmi", deadlines=QUICK), "fanuc-rmi", FANUC),
     "ur, RTDE": robot(UrArm, "ur", UR, "?feed=rtde" + UR_PORTS),
     "ur, 30003": robot(UrArm, "ur", UR, "?feed=realtime" + UR_PORTS),
     "yaskawa, HSES": robot(_quick_yaskawa, "yaskawa", YASKAWA),

@@ -22,4 +22,4 @@ RIGS: dict[str, Callable[[ExitStack], DriverRig]] = {
 # What comes back on this connection is used once, to see that a controller is there: only its requests are spoiled.
 REQUESTS_ONLY = {"ur-program", "ur-x-program"}
 # Where the robot moves on one request, which nobody confirms: a damaged one may send it elsewhere.
-MOVE_AT_ONCE = {"abb-stock", "abb-simple-motion", "fanuc-mappdk", "ur-realtime", "ur-primary"}
+MOVE_AT_ONCE = {"abb-stock", "abb-simple-motion", "fanuc-mappdk", "fanuc-rmi", "ur-realtime", "ur-primary"}

@@ -90,9 +90,11 @@ def _call(*arguments: str) -> None:
 
 
 FANUCPY = Environment("fanucpy", "simulated Fanuc, MAPPDK text: moves it")
+FANUC_RMI = Environment("fanuc-rmi", "simulated Fanuc, RMI: moves it")
+FANUC_UCL = Environment("fanuc-ucl", "simulated Fanuc, RMI: moves it through points in one go")
 UR_RTDE = Environment("ur-rtde", "simulated UR, RTDE: reads it while our driver moves it")
 CESAPI = Environment("cesapi", "simulated emScon: measures with it; emScon driver: serves its commands")
 YRCOM = Environment("yrcom", "simulated Yaskawa, HSES: moves it; Yaskawa driver: replays what it recorded")
 DCC = Environment("dcc", "digital calibration certificate: reads it, its schema's types and its units")
 POSTGRES = Environment("postgres", "store of a plant: keeps it")
-ENVIRONMENTS = (FANUCPY, UR_RTDE, CESAPI, YRCOM, DCC, POSTGRES)
+ENVIRONMENTS = (FANUCPY, FANUC_RMI, FANUC_UCL, UR_RTDE, CESAPI, YRCOM, DCC, POSTGRES)

@@ -85,6 +85,13 @@ BENCHES = {
         replace(SIMPLE, settle_s=0.3, still_s=0.2),
         replace(SIMPLE, reply_s=0.4, takeover_s=0.2),
     ),
+    "rmi": replace(
+        FANUC,
+        driver="fanuc-rmi",
+        device="fanuc-rmi",
+        identity=("Fanuc", "", "rmi"),
+        hasty=FanucDeadlines(reply_s=0.3, takeover_s=0.1),
+    ),
     "mappdk": replace(FANUC, stock=True, identity=("Fanuc", "", "mappdk")),
     "mappdk-cal": FANUC,
     **{
@@ -110,13 +117,14 @@ BENCHES = {
     "ur-realtime": replace(UR, query="?feed=realtime", identity=(*UR.identity[:2], "realtime")),
     "ur-primary": replace(UR, query="?feed=primary", identity=(*UR.identity[:2], "primary")),
 }
-FANUC_WIRES = ["mappdk", "mappdk-cal", "modbus-hmi", "modbus-io"]
+FANUC_WIRES = ["mappdk", "mappdk-cal", "modbus-hmi", "modbus-io", "rmi"]
 STOPPABLE = [
     "abb",
     "abb-simple",
     "mappdk-cal",
     "modbus-hmi",
     "modbus-io",
+    "rmi",
     "yaskawa",
 ]  # of a UR: test_ur_stop.py
 REPORTING = [*STOPPABLE, "abb-stock", "mappdk"]  # the end of a move; a UR's is seen in its states: test_ur.py

@@ -25,6 +25,7 @@ from drivers import (
     RobotArm,
     UrArm,
     UrDeadlines,
+    open_robot,
 )
 from drivers.interfaces import weakness_of
 from mocks.cell import CellThread
@@ -53,6 +54,10 @@ def fanuc(cell: CellThread, options: str = "") -> RobotArm:
     return FanucArm(address, deadlines=FANUC)
 
 
+def rmi(cell: CellThread) -> RobotArm:
+    return open_robot("fanuc-rmi", cell.url("fanuc-rmi"), deadlines=FANUC)
+
+
 def ur(cell: CellThread, feed: str = "rtde") -> RobotArm:
     return UrArm(f"{cell.url('ur')}?feed={feed}", deadlines=UR)
 
@@ -66,6 +71,7 @@ ARMS: dict[str, tuple[Callable[[CellThread], RobotArm], str, str, bool, float]] 
     "fanuc-stock": (fanuc, "fanuc", "fanuc-lrmate200ic", True, 0.0035),
     "fanuc-hmi": (lambda cell: fanuc(cell, "hmi"), "fanuc", "fanuc-lrmate200ic", False, 0.003),
     "fanuc-io": (lambda cell: fanuc(cell, "io"), "fanuc", "fanuc-lrmate200ic", False, 0.003),
+    "fanuc-rmi": (rmi, "fanuc-rmi", "fanuc-lrmate200ic", False, 0.0035),
     "ur-rtde": (ur, "ur", "ur5", False, 0.0006),
     "ur-30003": (lambda cell: ur(cell, "realtime"), "ur", "ur5", False, 0.0006),
 }

@@ -11,7 +11,17 @@ from typing import Any
 
 import pytest
 
-from drivers import AbbArm, AbbSimpleArm, FanucArm, MotionStopped, NotArmed, NotReached, UrArm, YaskawaArm
+from drivers import (
+    AbbArm,
+    AbbSimpleArm,
+    FanucArm,
+    MotionStopped,
+    NotArmed,
+    NotReached,
+    UrArm,
+    YaskawaArm,
+    open_robot,
+)
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
 from mocks.yaskawa.controller import MAX_DEG_S, PULSES_PER_DEG
@@ -22,6 +32,7 @@ ARMS: dict[str, tuple[Any, str, dict[str, float]]] = {  # driver, robot of the c
     "abb": (AbbArm, "abb-irb120", {}),
     "abb-simple": (AbbSimpleArm, "abb-irb120", {"still_s": 0.3}),
     "fanuc": (FanucArm, "fanuc-lrmate200ic", {"settle_s": 0.3}),
+    "fanuc-rmi": (partial(open_robot, "fanuc-rmi"), "fanuc-lrmate200ic", {"settle_s": 0.3}),
     "ur": (UrArm, "ur5", {"settle_s": 0.3}),
     "yaskawa": (
         partial(YaskawaArm, pulses_per_deg=PULSES_PER_DEG, max_deg_s=MAX_DEG_S),

@@ -244,10 +244,10 @@ def test_emergency_stop_during_a_move_is_seen_and_never_resumed(bench: Bench, sl
         (BENCHES["yaskawa"], MANUAL, WrongMode),
         (BENCHES["yaskawa"], MOTORS_OFF, WrongMode),
         (BENCHES["yaskawa"], SUPERVISED, ProtectiveStop),
-        *((BENCHES[wire], ESTOP, EmergencyStop) for wire in ("mappdk-cal", "modbus-hmi", "modbus-io")),
+        *((BENCHES[wire], ESTOP, EmergencyStop) for wire in ("mappdk-cal", "modbus-hmi", "modbus-io", "rmi")),
         *(
             (BENCHES[wire], MOTORS_OFF, (WrongMode, EnableLost))
-            for wire in ("mappdk-cal", "modbus-hmi", "modbus-io")
+            for wire in ("mappdk-cal", "modbus-hmi", "modbus-io", "rmi")
         ),
     ],
 )
@@ -288,7 +288,7 @@ def test_second_client_is_refused(bench: Bench, fast: CellThread) -> None:
     second.disconnect()
 
 
-@pytest.mark.parametrize("driver", ["abb", "abb-simple", "fanuc", "ur"])
+@pytest.mark.parametrize("driver", ["abb", "abb-simple", "fanuc", "fanuc-rmi", "ur"])
 @pytest.mark.parametrize(
     ("url", "options"),
     [
@@ -323,6 +323,9 @@ NUMBERS = BENCHES["yaskawa"].more
         ("fanuc", "tcp://h:18735?max_deg_s=1,2,3", {}),
         ("fanuc", "tcp://h:18735?max_deg_s=1,2,3,4,5,x", {}),
         ("fanuc", "tcp://h:18735?max_deg_s=1,2,3,4,5,0", {}),
+        ("fanuc-rmi", "tcp://h:16001?session=x", {}),
+        ("fanuc-rmi", "tcp://h:502?modbus=hmi", {}),
+        ("fanuc-rmi", "tcp://h:16001?max_deg_s=1,2,3", {}),
         ("ur", "tcp://h:3", {}),
         ("ur", "tcp://h:30004?realtime=x", {}),
         ("ur", "tcp://h:30004?dashboard=70000", {}),

@@ -20,10 +20,12 @@ from drivers import (
     InstrumentDeadlines,
     LeicaTracker,
     Qc20w,
+    RobotArm,
     UrArm,
     UrDeadlines,
     YaskawaArm,
     YaskawaDeadlines,
+    open_robot,
 )
 from mocks.cell import CellThread, make_world
 from mocks.cell_file import CellFile
@@ -75,13 +77,17 @@ def abb_arm(url: str) -> AbbArm:
     )
 
 
+FANUC = FanucDeadlines(
+    connect_s=PATIENT_S, reply_s=PATIENT_S, still_s=0.3, move_margin_s=PATIENT_S, gap_s=0.001
+)
+
+
 def fanuc_arm(url: str) -> FanucArm:
-    return FanucArm(
-        url,
-        deadlines=FanucDeadlines(
-            connect_s=PATIENT_S, reply_s=PATIENT_S, still_s=0.3, move_margin_s=PATIENT_S, gap_s=0.001
-        ),
-    )
+    return FanucArm(url, deadlines=FANUC)
+
+
+def rmi_arm(url: str) -> RobotArm:
+    return open_robot("fanuc-rmi", url, deadlines=FANUC)
 
 
 def ur_arm(url: str) -> UrArm:
@@ -111,6 +117,7 @@ BENCHES = {
     "fanuc-stock": Bench("fanuc", "fanuc", fanuc_arm, LRMATE, stock=True),
     "fanuc-io": Bench("fanuc", "fanuc-modbus-io", lambda url: fanuc_arm(f"{url}?modbus=io"), LRMATE),
     "fanuc-hmi": Bench("fanuc", "fanuc-modbus-hmi", lambda url: fanuc_arm(f"{url}?modbus=hmi"), LRMATE),
+    "fanuc-rmi": Bench("fanuc-rmi", "fanuc-rmi", rmi_arm, LRMATE),
     "ur": Bench("ur", "ur", ur_arm, UR5),
     "yaskawa": Bench("yaskawa", "yaskawa", yaskawa_arm, replace(FAST, robot="yaskawa-gp7")),
     "faro": Bench("faro", "faro", lambda url: FaroTracker(url, **BRIDGE)),

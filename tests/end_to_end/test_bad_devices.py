@@ -156,6 +156,9 @@ CASES = [
         "did not begin",
         "remote control",
     ),
+    Case(
+        "manual mode", "fanuc-rmi", first("mode", arm, mode="manual"), WrongMode, 3004, "pendant", "automatic"
+    ),
     Case("motors off", "abb", first("motors", arm, on=False), WrongMode, 3004, "motors off", "motors on"),
     Case(
         "motors off", "fanuc", first("motors", arm, on=False), WrongMode, 3004, "servo power off", "motors on"
@@ -175,7 +178,7 @@ CASES = [
             "emergency stop pressed",
             "reset it",
         )
-        for bench in ("abb", "abb-simple", "fanuc", "fanuc-io", "fanuc-hmi", "ur")
+        for bench in ("abb", "abb-simple", "fanuc", "fanuc-io", "fanuc-hmi", "fanuc-rmi", "ur")
     ),
     Case(
         "emergency stop, not told before a move",
@@ -216,6 +219,7 @@ CASES = [
         )
         for bench, order in (("faro", "tracker"), ("leica", "tracker"), ("ctrack", "ctrack"))
     ),
+    Case("an alarm stands", "fanuc-rmi", first("supervise", arm), ProtectiveStop, 4002, "11-050", "reset it"),
     Case(
         "an alarm stands", "fanuc", first("supervise", arm), ProtectiveStop, 4002, "alarm 11-050", "reset it"
     ),
@@ -281,7 +285,17 @@ CASES = [
             "joint 1 to nan",
             "Remove this pose",
         )
-        for bench in ("abb", "abb-stock", "abb-simple", "fanuc", "fanuc-io", "fanuc-hmi", "ur", "yaskawa")
+        for bench in (
+            "abb",
+            "abb-stock",
+            "abb-simple",
+            "fanuc",
+            "fanuc-io",
+            "fanuc-hmi",
+            "fanuc-rmi",
+            "ur",
+            "yaskawa",
+        )
     ),
     # another client has it
     *(

@@ -118,6 +118,7 @@ def run_simulated(folder: Path, cell: Cell, campaign: Campaign) -> Run:
     ("example", "hidden"),
     [
         ("irb120_ctrack", 0.15),
+        ("lrmate_rmi", 0.0),
         ("ur5_leica", 0.0),
         ("ur5e_polyscopex", 0.0),
     ],  # the arm may come between cameras and base

@@ -85,6 +85,7 @@ OWN = {
         "fanuc-modbus-hmi",
         "fanuc-modbus-io",
     },  # one protocol; what the registers mean is not in it
+    "fanuc-rmi": {"fanuc-rmi"},
     "ur": {"ur"},
     "faro": {"faro"},
     "leica": {"leica"},
@@ -96,7 +97,18 @@ OWN = {
 
 @pytest.fixture(scope="module")
 def everything() -> Any:
-    simulators = ("abb", "abb-simple", "fanuc", "ur", "faro", "leica", "emscon", "ctrack", "qc20w")
+    simulators = (
+        "abb",
+        "abb-simple",
+        "fanuc",
+        "fanuc-rmi",
+        "ur",
+        "faro",
+        "leica",
+        "emscon",
+        "ctrack",
+        "qc20w",
+    )
     with CellThread(FAST, devices=simulators) as cell:
         yield cell
 

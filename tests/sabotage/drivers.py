@@ -27,6 +27,7 @@ _FANUC = (
     "tests/drivers/test_fanuc_transcripts.py",
 )
 _YASKAWA = ("tests/drivers/test_yaskawa.py", "tests/drivers/test_read_back.py")
+_RMI = ("tests/drivers/test_fanuc_rmi.py", "tests/drivers/test_fanuc_rmi_transcripts.py")
 _MBP = (
     "tests/drivers/test_reading_parsers.py",
     "tests/drivers/test_parsers.py",
@@ -269,6 +270,48 @@ CHANGES = (
         "                pass  # two",
         "a Fanuc that creeps is believed to stand",
         _FANUC,
+    ),
+    Change(
+        "drivers/fanuc/rmi.py",
+        "            if self._tag != before:",
+        "            if True:",
+        "joints that a Fanuc does not renew over RMI are a reading",
+        _RMI,
+    ),
+    Change(
+        "drivers/fanuc/rmi.py",
+        "        if self._lost:",
+        "        if False:",
+        "a motion over RMI goes on after a cut connection is open again",
+        _RMI,
+    ),
+    Change(
+        "drivers/fanuc/rmi.py",
+        "        if state.running:\n            self._abort()",
+        "        if state.running:\n            pass",
+        "remote motion starts while the motion of another program goes on",
+        _RMI,
+    ),
+    Change(
+        "drivers/fanuc/rmi.py",
+        "_BESIDE_DEG = 1.0",
+        "_BESIDE_DEG = 1000.0",
+        "a robot beside its way over RMI is not stopped",
+        _RMI,
+    ),
+    Change(
+        "drivers/fanuc/rmi_link.py",
+        "            if name == self._last:",
+        "            if False:",
+        "two equal commands follow each other over RMI, and an older answer is believed",
+        _RMI,
+    ),
+    Change(
+        "drivers/fanuc/rmi_link.py",
+        "MOTION or number != self._pending",
+        "MOTION",
+        "the answer to another motion ends a move over RMI",
+        _RMI,
     ),
     Change(
         "drivers/fanuc/modbus.py",

@@ -101,7 +101,8 @@ def test_two_faults_at_once(faro: Bench, tmp_path: Path, capsys: pytest.CaptureF
 LOOKS = {
     "abb": rb"(0|4|98|200|202 \d+|205 \d+) #",
     "faro|leica|ctrack|qc20w": rb"\d+ (HELLO [^*]*|STATUS|PING|CAL|MODELS|BYE)\*\w{4}\n",
-    "fanuc": rb"(curjpos|curpos|calname:\d+|calstat:\d+)\n",
+    "fanuc-rmi": rb'\{"(Communication": "FRC_(Connect|Disconnect)|Command": "FRC_(GetStatus|ReadJointAngles))"\}\r\n',
+    "fanuc(?!-rmi)": rb"(curjpos|curpos|calname:\d+|calstat:\d+)\n",
     "yaskawa": rb"YERC.{20}[\x70-\x77\x89]\x00..\x00\x01\x00\x00",  # service 1 reads
     # RTDE packages V v O S P: versions, outputs, start, pause; the dashboard is asked for two things. PolyScope X is
     # asked by HTTP, and by a program that writes one line beside any other and can neither move nor set anything.
@@ -120,7 +121,7 @@ def test_nothing_is_armed_moved_or_set(example: str, tmp_path: Path) -> None:
         after = made.simulators.do("state")
     assert not found.faults
     wired = {each.driver for each in (cell.robot, cell.instrument) if not each.declared.by_hand}
-    assert {device.split("-")[0] for device, _ in wire.sent} == wired
+    assert {name for name in wired for device, _ in wire.sent if device.startswith(name)} == wired
     for device, data in wire.sent:
         (form,) = (form for names, form in LOOKS.items() if re.match(names, device))
         assert re.fullmatch(form, data, re.DOTALL), (device, data)
