@@ -89,7 +89,6 @@ class FanucArm:
         caps = Caps(speed_mm_s, speed_deg_s, limits_deg, joints=JOINTS, widest_deg=WIDEST_DEG, device=name)
         address = parse_url(url)
         kind = address.options.get("modbus")
-        if kind not in (None, "hmi", "io"):
         if kind not in self.protocols:
             raise ConfigError(
                 f"modbus={kind!r} in {url!r} is neither hmi nor io, or the driver is {name}",
