@@ -14,7 +14,7 @@ model, so that they represent as much of it as they can.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -187,6 +187,21 @@ def joint_origins(robot: Robot, changes: dict[str, float]) -> tuple[Array, Array
             origins.append(here)
             here = np.eye(4)
     return np.stack(origins), here
+
+
+def rigid_frames(robot: Robot, changes: Mapping[str, float]) -> tuple[Array, Array]:
+    """Compute what the slots of base and tool do as constant frames, (4, 4) each, mm.
+
+    The pose of the flange with them is the product of the first, the pose without them, and the second. Other slots
+    are ignored.
+    """
+    rest = np.zeros((1, robot.joints))
+    nominal, base, tool = (
+        poses_with(robot, rest, {slot: value for slot, value in changes.items() if slot.startswith(kind)})[0]
+        for kind in ("nothing", "base.", "tool.")
+    )
+    back = np.linalg.inv(nominal)
+    return base @ back, back @ tool
 
 
 def _motion(axis: int, amount: float, *, turns: bool) -> Array:

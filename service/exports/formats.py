@@ -15,8 +15,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
@@ -25,11 +24,15 @@ from scipy.spatial.transform import Rotation
 
 from calib.arm import Robot
 from calib.array import Array
-from calib.compensate import RepresentableModel, constant_slots, joint_origins, poses_with
+from calib.compensate import constant_slots, joint_origins, poses_with
 from calib.errors import DataError
 from calib.robot_file import chain_of, urdf_of
 from calib.text import parse_xml
 from calib.units import DEG
+from service.exports.frames import FRAME_FORMATS
+from service.exports.offsets import OFFSET_FORMATS
+from service.exports.request import ExportRequest, Format, for_maker
+from service.exports.ur_calibration import UR_CALIBRATION
 from service.programs.frames import wpr
 
 _UR_LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
@@ -38,47 +41,6 @@ _NO_LIMITS = 'effort="1000" velocity="1"'
 _PLACEHOLDERS = "Effort (N.m) and velocity (rad/s) are placeholders above zero: put the maker's limits there."
 _SIX = ("x", "y", "z", "rx", "ry", "rz")
 _METRE = 1000.0
-
-
-@dataclass(frozen=True)
-class ExportRequest:
-    """An export: the robot, its joint counting, the content, lines about it, the hash.
-
-    `simulated` says that the model was identified from simulators. A table of numbers has no place for lines and
-    gets a column.
-    """
-
-    robot: Robot
-    coupling: str
-    carried: RepresentableModel
-    about: tuple[str, ...]
-    hash: str | None
-    simulated: bool = False
-
-
-@dataclass(frozen=True)
-class Format:
-    """One format.
-
-    Attributes
-    ----------
-    holds : callable
-        Returns the slots that the format can carry.
-    writes : callable
-        Returns the file's text.
-    reads : callable
-        Returns the poses (n, 4, 4) of the flange that a text gives at `carried.joints`, mm.
-    says : str
-        Content of the format, for people.
-    suits : callable
-        Raises DataError for a robot for which the format is not made.
-    """
-
-    holds: Callable[[Robot], tuple[str, ...]]
-    writes: Callable[[ExportRequest], str]
-    reads: Callable[[str, ExportRequest], Array]
-    says: str
-    suits: Callable[[Robot], None] = lambda robot: None
 
 
 def _dh_slots(robot: Robot) -> tuple[str, ...]:
@@ -98,13 +60,7 @@ def _ur_slots(robot: Robot) -> tuple[str, ...]:
     return tuple(s for s in constant_slots(robot) if s not in behind and not s.startswith("tool."))
 
 
-def _refuse_others(robot: Robot) -> None:
-    if not robot.maker.casefold().startswith("universal robots") or robot.joints != 6:
-        raise DataError(
-            f"the model is of {robot.name} by {robot.maker}.",
-            do="This format is for UR robots.",
-            key="--format",
-        )
+_refuse_others = for_maker("universal robots", "UR")
 
 
 def _ur_yaml(export: ExportRequest) -> str:
@@ -313,4 +269,7 @@ FORMATS: Mapping[str, Format] = {
     "dh-csv": Format(_dh_slots, _dh_csv, _dh_csv_read, "DH numbers, beta and the pose of the base"),
     "dh-md": Format(_dh_slots, _dh_markdown, _dh_markdown_read, "DH numbers, beta and the pose of the base"),
     "mastering": Format(_theta_slots, _mastering, _mastering_read, "constant joint offsets"),
+    **FRAME_FORMATS,
+    **OFFSET_FORMATS,
+    "ur-calibration": UR_CALIBRATION,
 }

@@ -11,10 +11,11 @@ import numpy as np
 
 from calib.arm import refuse_slides
 from calib.array import Array
-from calib.compensate import RepresentableModel, Usable, carried, poses_with
+from calib.compensate import Mounting, RepresentableModel, Usable, carried, mounting_of, poses_with
 from calib.data import Dataset
 from calib.errors import DataError
 from calib.fit import ErrorStatistics
+from calib.model import StatedConditions
 from calib.saved import SIMULATED, CalibratedModel
 from service.exports.formats import FORMATS, ExportRequest
 from service.programs.compensation import of_carried
@@ -83,6 +84,7 @@ def written(
     stated = stated_conditions(conditions, saved)
     form, robot = FORMATS[kind], saved.model.robot
     refuse_slides(robot, "tables of constants hold")
+    form.suits(robot)
     found = carried(
         saved.model,
         saved.estimate,
@@ -93,7 +95,8 @@ def written(
     )
     held_out = saved.held_out_rms_mm
     # Reading the file back gives the error of its own numbers; no reader minds the lines about it
-    export = ExportRequest(robot, saved.coupling, found, (), robot_hash, saved.simulated)
+    mounting = _mounting(saved, stated.stated)
+    export = ExportRequest(robot, saved.coupling, found, (), robot_hash, saved.simulated, mounting)
     loss, nominal = _read_back(kind, export), found.off(poses_with(robot, found.joints, {}))
     predicted = _left(saved, usable, loss)
     about = _about(
@@ -105,6 +108,7 @@ def written(
         _own_error(saved),
         predicted,
     )
+    about += form.notes(export)
     if data is not None:
         anywhere = carried(saved.model, saved.estimate, stated.stated, (), coupling=saved.coupling)
         off = anywhere.off(form.reads(form.writes(export), replace(export, carried=anywhere)))
@@ -155,6 +159,7 @@ def listed(
     stated, robot = stated_conditions(conditions, saved), saved.model.robot
     refuse_slides(robot, "tables of constants hold")
     joints = _measured(saved) if data is None else _postures(data, saved)
+    mounting = _mounting(saved, stated.stated)
     fitted: dict[tuple[str, ...], RepresentableModel] = {}
     choices = []
     for kind, form in FORMATS.items():
@@ -177,7 +182,7 @@ def listed(
             fitted[slots] = carried(
                 saved.model, saved.estimate, stated.stated, slots, coupling=saved.coupling, joints=joints
             )
-        export = ExportRequest(robot, saved.coupling, fitted[slots], (), _ANY_HASH, saved.simulated)
+        export = ExportRequest(robot, saved.coupling, fitted[slots], (), _ANY_HASH, saved.simulated, mounting)
         loss = _read_back(kind, export)
         choices.append(
             ExportChoice(
@@ -200,6 +205,10 @@ def listed(
         judged_at=_judged_at(saved, data),
         exports=choices,
     )
+
+
+def _mounting(saved: CalibratedModel, stated: StatedConditions) -> Mounting:
+    return mounting_of(saved.model, saved.estimate, stated, [each.name for each in saved.dropped])
 
 
 def _read_back(kind: str, export: ExportRequest) -> ErrorStatistics:

@@ -8,7 +8,7 @@ import { findRun, road, walk } from "./road.js";
 import { number } from "./units.js";
 import { t } from "./words.js";
 
-const KINDS = { urdf: "urdf", "ur-yaml": "yaml", "dh-csv": "csv", "dh-md": "md", mastering: "csv" }, MOST = 100;
+const KINDS = { urdf: "urdf", "ur-yaml": "yaml", "dh-csv": "csv", "dh-md": "md", mastering: "csv", "abb-frames": "mod", "fanuc-frames": "ls", "kuka-frames": "dat", "ur-frames": "script", "yaskawa-frames": "txt", "abb-offsets": "txt", "fanuc-offsets": "txt", "kuka-offsets": "txt", "ur-offsets": "txt", "yaskawa-offsets": "txt", "ur-calibration": "conf" }, MOST = 100;
 const ENDINGS = ".mod,.modx,.sys,.prg,.ls,.script,.urscript,.src,.dat,.dtx,.csv";
 const bytesOf = (base64) => Uint8Array.from(atob(base64), (each) => each.charCodeAt(0));
 const labelled = (words, input) => h("label", { className: "field" }, h("span", {}, words), input);
@@ -17,7 +17,7 @@ export function open(root, id) {
   if (!id) return nothingYet(root, 5);
   const foot = footBar(t("next")), choices = h("div", { className: "choices", role: "radiogroup", ariaLabel: t("ways") }), side = h("div", { className: "stack" }), body = h("div", { className: "cols c5-7" }, card(t("ways"), choices), side);
   root.append(head(t("stepOf", { n: 5 }), h("h1", { id: "title" }, t("correctTitle")), h("p", { className: "lead" }, t("correctLead"))), body, foot);
-  let job = null, way = "program", left = {}, listed = {}, all = null, failed = null, kinds = Object.keys(KINDS), done = null, kept = false, sent = false;
+  let job = null, way = "program", left = {}, listed = {}, all = null, failed = null, kinds = Object.keys(KINDS).filter((each) => !/-(frames|offsets|calibration)$/.test(each)), done = null, kept = false, sent = false;
   const notes = {};
 
   const file = h("input", { type: "file", id: "program", accept: ENDINGS, on: { change: () => { done = null; correct(); } } }), told = h("div", { role: "status", id: "corrected", className: "stack" });
@@ -78,7 +78,7 @@ export function open(root, id) {
       const bar = h("i", { className: each === "program" ? "after" : "before" }), mm = left[each];
       bar.style.width = `${Math.max(1, 100 * (mm || 0) / most)}%`;
       return h("label", { className: `choice ${way === each ? "on" : ""}` }, h("input", { type: "radio", name: "way", id: `way-${each}`, checked: way === each, on: { change: () => { way = each; done = null; show(); } } }),
-        h("span", {}, h("strong", {}, each === "program" ? t("wayProgram") : t(`export_${each.replace("-", "_")}`)), h("span", { className: "sub" }, each === "program" ? t("wayProgramHint") : t(`way_${each.replace("-", "_")}`)),
+        h("span", {}, h("strong", {}, each === "program" ? t("wayProgram") : t(`export_${each.replace("-", "_")}`)), h("span", { className: "sub" }, each === "program" ? t("wayProgramHint") : t(`way_${each.replace(/^\w+-(?=frames|offsets)/, "").replace("-", "_")}`)),
           typeof mm === "number" ? h("span", { className: "left" }, h("span", { className: "track" }, bar), h("span", {}, t("mmLeft", { mm: number(mm, 2) }))) : h("span", { className: "sub" }, each !== "program" && failed ? t("notForThis") : "")));
     }));
     fill(side, [way, Boolean(listed[way]), notes[way], Boolean(failed)], () => [...aside(), ...(job.kind !== "loop" ? [certificate(id)] : [])]);
@@ -100,7 +100,7 @@ export function open(root, id) {
     try {
       all = await reckoned(`/models/${id}/exports`);
       for (const each of all.exports) { listed[each.kind] = each; left[each.kind] = each.left_mm; }
-      kinds = kinds.filter((each) => !listed[each] || !listed[each].refused);  // no other robot has such a file
+      kinds = Object.keys(KINDS).filter((each) => listed[each] ? !listed[each].refused : kinds.includes(each));  // no other robot has such a file
     } catch (error) { if (!error.status) throw error; failed = error; }
     show();
   }

@@ -198,11 +198,26 @@ def test_offsets_for_mastering_are_the_controllers() -> None:
     assert "a3" in found.left_out
 
 
-@pytest.mark.parametrize("kind", FORMATS)
-@pytest.mark.parametrize("name", ["ur5", "fanuc-lrmate200ic"])
+MAKERS = {
+    "abb": "abb-irb120",
+    "fanuc": "fanuc-lrmate200ic",
+    "kuka": "kuka-kr6-r900",
+    "yaskawa": "yaskawa-gp7",
+    "ur": "ur5",
+}
+
+
+def robots_for(kind: str, *others: str) -> list[str]:
+    """The robot of the maker for whom the format is, otherwise others."""
+    maker = kind.partition("-")[0]
+    return [MAKERS[maker]] if maker in MAKERS else list(others)
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [(name, kind) for kind in FORMATS for name in robots_for(kind, "ur5", "fanuc-lrmate200ic")],
+)
 def test_the_loss_is_that_of_the_numbers_in_the_file(name: str, kind: str) -> None:
-    if kind == "ur-yaml" and name != "ur5":
-        return
     saved = model_of(name)
     export = export_of(saved, kind)
     found, form = export.carried, FORMATS[kind]
@@ -213,24 +228,30 @@ def test_the_loss_is_that_of_the_numbers_in_the_file(name: str, kind: str) -> No
         part = chain(saved.model.robot, q, found.values).real
         errors.append(np.linalg.norm(part[:3, 3] - real_flange(saved, q)[:3, 3]))
     assert loss.rms == pytest.approx(float(np.sqrt(np.mean(np.square(errors)))), rel=0.15)  # 200 of 1000
-    assert loss.max >= max(errors) - 1e-4
+    assert loss.max >= max(errors) - (
+        2e-3 if kind.startswith(("fanuc", "yaskawa")) else 1e-4
+    )  # three decimals
     # A file with another number in it is off by another amount, whatever the model is.
-    other = re.sub(r"(?<![\w.])(\d+)\.(\d)(?=\d{3})", lambda m: f"{m[1]}.{(int(m[2]) + 5) % 10}", text)
+    other = re.sub(r"(?<![\w.])(\d+)\.(\d)(?=\d{2})", lambda m: f"{m[1]}.{(int(m[2]) + 5) % 10}", text)
     assert other != text
-    assert found.off(form.reads(other, export)).rms > 2.0 * loss.rms
+    try:
+        changed = found.off(form.reads(other, export)).rms
+    except ValueError:  # a quaternion of another length is refused
+        changed = math.inf
+    assert changed > 2.0 * loss.rms
 
 
 @pytest.mark.parametrize("kind", FORMATS)
 def test_what_a_format_cannot_hold_is_taken_over_by_what_it_holds(kind: str) -> None:
     # A robot that bends by more than its geometry is wrong
-    saved = model_of("ur5" if kind == "ur-yaml" else "abb-irb120", scale=0.2)
+    saved = model_of(robots_for(kind, "abb-irb120")[0], scale=0.2)
     bends = np.array([bool(re.fullmatch(r"c\d", p.name)) for p in saved.model.parameters])
     saved = replace(saved, estimate=np.where(bends, 5.0 * saved.estimate, saved.estimate))
     export = export_of(saved, kind)
     cut = replace(export, carried=export_of(stiffened(saved), kind).carried)
     form, off = FORMATS[kind], export.carried.off
     fitted, dropped = (off(form.reads(form.writes(each), each)).rms for each in (export, cut))
-    assert fitted < (1.0 if kind == "mastering" else 0.85) * dropped
+    assert fitted < (1.0 if kind == "mastering" or kind.endswith(("-frames", "-offsets")) else 0.85) * dropped
     # The best that the slots can do: no single change of one of them makes it better.
     robot, found = saved.model.robot, export.carried
     best = spread(found, poses_with(robot, found.joints, found.values))
@@ -308,7 +329,8 @@ def test_every_format_says_what_it_leaves_before_one_is_chosen(
             assert f"{each['left_mm']:.3f}" in shown
         else:
             assert each["left_mm"] is each["loss_mm"] is None
-            assert "for UR robots" in each["refused"]
+            assert "by ABB" in each["refused"]
+            assert each["kind"] in shown
 
 
 def test_a_ur_is_listed_without_its_hash_and_an_unjudged_model_leaves_nobody_knows_what() -> None:
@@ -318,6 +340,7 @@ def test_a_ur_is_listed_without_its_hash_and_an_unjudged_model_leaves_nobody_kno
     assert choices["ur-yaml"].loss_mm is not None
     assert saved.held_out_rms_mm is None
     assert [each.left_mm for each in choices.values()] == [None] * len(FORMATS)
+    assert {name for name, each in choices.items() if each.refused is None} >= {"ur-frames", "ur-calibration"}
 
 
 @pytest.mark.parametrize("rest", [[], ["OUT"], ["OUT", "--as", "urdf", "--list"], ["--as", "urdf", "--list"]])
@@ -383,7 +406,7 @@ def test_a_model_that_no_reading_judged_takes_the_error_of_the_robot_with_the_lo
     saved = replace(unjudged, verified_rms_mm=0.05)
     found = listed(*saved.for_use(), "m", "temperature=22")
     assert (found.held_out_rms_mm, found.verified_rms_mm) == (None, 0.05)
-    for each in found.exports:
+    for each in found.written:
         assert each.loss_mm is not None
         assert each.left_mm == pytest.approx(math.hypot(0.05, float(each.loss_mm.rms or 0.0)))
     one = exports.written(*saved.for_use(), "m", "dh-csv", "temperature=22", None)
@@ -391,7 +414,7 @@ def test_a_model_that_no_reading_judged_takes_the_error_of_the_robot_with_the_lo
     assert not any("held-out" in line for line in one.about)
     judged = replace(saved, held_out_rms_mm=0.2)  # readings that took no part come first
     assert all(
-        float(each.left_mm or 0.0) >= 0.2 for each in listed(*judged.for_use(), "m", "temperature=22").exports
+        float(each.left_mm or 0.0) >= 0.2 for each in listed(*judged.for_use(), "m", "temperature=22").written
     )
 
 

@@ -129,7 +129,7 @@ def test_a_program_that_needs_no_pulses_refuses_words_for_them(here: Here) -> No
     assert problem(answer, 422)["key"] == "pulses"
 
 
-@pytest.mark.parametrize("kind", ["urdf", "dh-csv", "dh-md", "mastering"])
+@pytest.mark.parametrize("kind", ["urdf", "dh-csv", "dh-md", "mastering", "abb-frames", "abb-offsets"])
 def test_a_model_is_exported_as_by_the_command(here: Here, tmp_path: Path, kind: str) -> None:
     told = here.client.get(f"/models/{here.model}/exports/{kind}").json()
     model = here.record / "identifications" / here.model / job_folder.MODEL

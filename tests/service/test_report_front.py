@@ -218,7 +218,9 @@ def test_the_contents_lead_to_every_section(known: DiagnosisFit) -> None:
 
 def test_the_last_section_states_what_every_export_leaves(known: DiagnosisFit) -> None:
     section = page_of(known).rpartition("What a file for another program leaves")[2]
-    for each in listed(*as_saved(known.final, known).for_use(), "").exports:
+    choices = listed(*as_saved(known.final, known).for_use(), "")
+    assert all(html.escape(line) in section for line in choices.refusals)
+    for each in choices.written:
         row = section.partition(f"<code>{each.kind}</code>")[2].partition("</tr>")[0]
         assert html.escape(each.lost) in row
         assert (each.left_mm is None) or f"{millimetres(each.left_mm)}</td>" in row

@@ -87,7 +87,7 @@ def test_the_label_is_at_every_end_and_at_none_of_a_real_one(
     assert all(row.endswith(",yes") is simulated for row in rows)
 
     assert labelled(said("validate", at["out.csv"], "--model", at["m.json"])) is simulated
-    for kind in ("urdf", "dh-csv", "dh-md", "mastering"):
+    for kind in ("urdf", "dh-csv", "dh-md", "mastering", "abb-frames", "abb-offsets"):
         out = tmp_path / f"model.{kind}"
         assert labelled(said("export", at["m.json"], str(out), "--as", kind)) is simulated, kind
         assert ("simulated" in out.read_text("utf-8").lower()) is simulated, kind

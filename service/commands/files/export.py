@@ -95,10 +95,12 @@ def export_command(
 def _show(choices: ExportChoices, terminal: Terminal) -> None:
     """Print what every format leaves."""
     table = grid("What every format leaves, mm RMS", "format", "carries", "leaves out", "left", left=3)
-    for each in choices.exports:
+    for each in choices.written:
         left = "unknown" if each.left_mm is None else wording.millimetres(each.left_mm)
-        table.add_row(each.kind, each.carries, each.lost, "" if each.refused else left)
+        table.add_row(each.kind, each.carries, each.lost, left)
     terminal.out.print(table)
+    for line in choices.refusals:
+        terminal.out.print(line)
     terminal.out.print(
         f"Holds for: {choices.holds_for}. Left: at {choices.judged_at}, with the model's own error on held-out "
         "readings."

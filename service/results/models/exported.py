@@ -40,8 +40,8 @@ class ExportChoice(ResponseBody):
 
     @property
     def lost(self) -> str:
-        """What is lost, for a table; the reason where the format does not suit."""
-        return self.refused or few(self.left_out) or "nothing"
+        """What is lost, for a table."""
+        return few(self.left_out) or "nothing"
 
 
 class ExportChoices(ResponseBody):
@@ -61,3 +61,17 @@ class ExportChoices(ResponseBody):
     holds_for: Annotated[str, told("The conditions for which the numbers hold.", "approach from below")]
     judged_at: Annotated[str, told("The poses of the losses.", "random poses within the joint limits")]
     exports: Annotated[list[ExportChoice], told("The formats.", [])]
+
+    @property
+    def written(self) -> list[ExportChoice]:
+        """The formats that suit the model."""
+        return [each for each in self.exports if each.refused is None]
+
+    @property
+    def refusals(self) -> list[str]:
+        """The other formats with the reason, those with the same one in one line."""
+        kinds: dict[str, list[str]] = {}
+        for each in self.exports:
+            if each.refused is not None:
+                kinds.setdefault(each.refused, []).append(each.kind)
+        return [f"Not {', '.join(names)}: {reason}" for reason, names in kinds.items()]

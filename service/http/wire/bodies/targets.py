@@ -146,7 +146,24 @@ class CorrectedProgram(CorrectionResponse):
     ]
 
 
-ExportKind = Literal["ur-yaml", "urdf", "dh-csv", "dh-md", "mastering"]
+ExportKind = Literal[
+    "ur-yaml",
+    "urdf",
+    "dh-csv",
+    "dh-md",
+    "mastering",
+    "abb-frames",
+    "fanuc-frames",
+    "kuka-frames",
+    "ur-frames",
+    "yaskawa-frames",
+    "abb-offsets",
+    "fanuc-offsets",
+    "kuka-offsets",
+    "ur-offsets",
+    "yaskawa-offsets",
+    "ur-calibration",
+]
 
 
 class ModelExport(ResponseBody):
