@@ -39,6 +39,8 @@ class Details:
         Number of reflective targets of each body.
     reference
         The body on the robot's foot among them, and the number of targets that it needs.
+    second_channel
+        What a second channel to the device says, as a sentence without its full stop.
     """
 
     trouble: AcquisitionError | None = None
@@ -53,3 +55,4 @@ class Details:
     bar_mm: float | None = None
     bodies: Mapping[str, int] = field(default_factory=dict)
     reference: tuple[str, int] = ("", 0)
+    second_channel: str = ""

@@ -89,7 +89,7 @@ def main(argv: Sequence[str]) -> int:
     chosen = arguments(argv)
     try:
         file = described(chosen)
-        devices = DEVICES.get(chosen.name, (file.robot_driver, file.instrument_driver))
+        devices = DEVICES.get(chosen.name, file.devices)
         cell = Cell(file, devices=devices)
     except (OSError, ValueError, TypeError, tomllib.TOMLDecodeError) as error:
         sys.stderr.write(f"{PROGRAM}: {error}\n")

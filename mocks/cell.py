@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from mocks.abb.controller import AbbController
+from mocks.abb.rws import RwsServer
 from mocks.abb.simple import SimpleMessageServers
 from mocks.backdoor import BackDoor
 from mocks.cell_file import CellFile
@@ -94,6 +95,7 @@ class Cell:
         nests = true_nests(cell)
         self.tracker = TrackerDevice(self.world, self.arm, self.clock, nests)
         self.abb = AbbController(self.arm, self.clock, robot, stock=stock)
+        self.rws = RwsServer(self.arm, robot)
         self.abb_simple = SimpleMessageServers(self.arm, self.clock, robot.counting)
         self.fanuc = Fanuc(self.arm, self.clock, robot, stock=stock)
         self.yaskawa = YaskawaController(self.arm, self.clock, robot, cell.pulses_per_deg, cell.max_deg_s)
@@ -111,6 +113,7 @@ class Cell:
             self.abb,
             self.leica if "leica" in devices else self.emscon if "emscon" in devices else self.faro,
             self.ur.orders()
+            | self.rws.orders()
             | self.ctrack.orders()
             | self.qc20w.orders()
             | self.leica.orders()
@@ -206,8 +209,11 @@ class Cell:
                     self.abb.serve_main, self.abb.serve_background, port
                 )
                 stock = self.abb.stock
-                ends.append(Endpoint("abb", "open_abb" if stock else "calsrv", one))
+                second = await self._second_channel()
+                query = second.query if second is not None else ""
+                ends.append(Endpoint("abb", "open_abb" if stock else "calsrv", one, query=query))
                 ends.append(Endpoint("abb-background", "open_abb-log" if stock else "calsrv", two))
+                ends += [] if second is None else [second]
             if "abb-simple" in self.devices:
                 ends += await self.abb_simple.listen(self._servers, port if not ends else 0)
             if "fanuc" in self.devices:
@@ -241,6 +247,15 @@ class Cell:
             await self.stop()
             raise
         return ends
+
+    async def _second_channel(self) -> Endpoint | None:
+        """Listen with the web server of an ABB controller, which the address of its RAPID program names."""
+        if "abb-rws" not in self.devices:
+            return None
+        old, tls = self.rws.old, None if self.rws.old else self.rws.context
+        port = await self._servers.listen(self.rws.serve, 0, tls)
+        query = f"rws={port}&fingerprint={self.rws.fingerprint}"
+        return Endpoint("abb-rws", "rws1" if old else "rws2", port, query=query)
 
     async def stop(self) -> None:
         """Close every server and connection."""

@@ -6,6 +6,7 @@ import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from urllib.parse import parse_qs, urlsplit
 
 NESTS = {"N1": (0.0, 0.0, 0.0), "N2": (600.0, 0.0, 0.0), "N3": (0.0, 600.0, 0.0)}
 STATION_MM = (2400.0, -900.0, 350.0)
@@ -27,6 +28,7 @@ class CellFile:
     targets: dict[str, tuple[float, ...]] | None = None
     normals: dict[str, tuple[float, ...]] = field(default_factory=dict)  # where targets look, flange frame
     robot_driver: str = "abb"
+    second_channel: bool = False  # the address of the robot names one
     instrument_driver: str = "faro"
     tool_mass_kg: float | None = None
     tool_cog_mm: tuple[float, ...] | None = None
@@ -51,6 +53,12 @@ class CellFile:
     within_deg: float | None = None  # how far from a posture that person may stop
     pulses_per_deg: tuple[float, ...] = ()  # of a Yaskawa controller; empty: the simulator's own
     max_deg_s: tuple[float, ...] = ()
+
+    @property
+    def devices(self) -> tuple[str, ...]:
+        """The devices that its drivers need."""
+        second = (f"{self.robot_driver}-rws",) if self.second_channel else ()
+        return self.robot_driver, *second, self.instrument_driver
 
 
 def read_cell(path: Path) -> CellFile:
@@ -84,6 +92,7 @@ def read_cell(path: Path) -> CellFile:
         "pulses_per_deg": robot.get("pulses_per_deg"),
         "max_deg_s": robot.get("max_deg_s"),
         "robot_driver": robot.get("driver"),
+        "second_channel": "rws" in parse_qs(urlsplit(str(robot.get("url", ""))).query),
         "instrument_driver": table.get("instrument", {}).get("driver"),
         "tool_mass_kg": tool.get("mass_kg"),
         "tool_cog_mm": tool.get("cog_mm"),

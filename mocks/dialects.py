@@ -28,6 +28,16 @@ def _polyscope(
     return put
 
 
+def _with_web_services(*, old: bool) -> Callable[[Cell], None]:
+    """Serve Robot Web Services as well: 2 of an OmniCore, or the old ones of an IRC5."""
+
+    def put(cell: Cell) -> None:
+        cell.devices = (*cell.devices, "abb-rws")
+        cell.rws.old = old
+
+    return put
+
+
 def _older_rmi(cell: Cell) -> None:
     cell.fanuc.rmi.version = (5, 0)
 
@@ -41,7 +51,12 @@ _X = (10, 12, 0, 0)
 _MBP: Mapping[str, Callable[[Cell], None]] = {"mbp1": _ours, "mbp1-plain": _without_sums}
 # The dialects of each device; without one named it speaks the first, a UR the software of its series.
 DIALECTS: Mapping[str, Mapping[str, Callable[[Cell], None]]] = {
-    "abb": {"calsrv": _ours, "open_abb": _stock},
+    "abb": {
+        "calsrv": _ours,
+        "open_abb": _stock,
+        "omnicore": _with_web_services(old=False),
+        "irc5-rws1": _with_web_services(old=True),
+    },
     "abb-simple": {"simple_message": _ours},
     "fanuc-rmi": {"rmi": _ours, "rmi-5": _older_rmi},
     "fanuc": {"mappdk-cal": _ours, "mappdk": _stock},  # Modbus is served in addition to either

@@ -29,10 +29,14 @@ _LAST = "backdoor"  # printed after all others
 
 
 class SimulatedDevices:
-    """Addresses at which the simulators of a cell listen."""
+    """Addresses at which the simulators of a cell listen.
 
-    def __init__(self, ports: Mapping[str, int]) -> None:
+    `queries` holds what a driver has to know besides the port of its device, as the query of a URL.
+    """
+
+    def __init__(self, ports: Mapping[str, int], queries: Mapping[str, str] | None = None) -> None:
         self.ports = ports
+        self._queries = queries or {}
 
     def open(self, cell: Cell, operator: Operator | None = None) -> Devices:
         """Open the devices of the cell at the addresses of the simulators.
@@ -49,10 +53,14 @@ class SimulatedDevices:
             cell,
             operator=RehearsalOperator() if cell.rehearsed else operator,
             person=ManualCellOperator(self._port(by_hand[0])) if by_hand else None,
-            robot_url=f"{cell.robot.declared.scheme}://127.0.0.1:{self._port(cell.robot.driver)}",
-            instrument_url=f"tcp://127.0.0.1:{self._port(cell.instrument.driver)}",
+            robot_url=self._url(cell.robot.driver, cell.robot.declared.scheme),
+            instrument_url=self._url(cell.instrument.driver),
             hands=SimulatedHands(self.ports[_LAST]),
         )
+
+    def _url(self, driver: str, scheme: str = "tcp") -> str:
+        query = self._queries.get(driver, "")
+        return f"{scheme}://127.0.0.1:{self._port(driver)}" + (f"?{query}" if query else "")
 
     def _port(self, driver: str) -> int:
         if driver not in self.ports:
@@ -171,13 +179,15 @@ def simulated_cell(cell: Cell) -> Iterator[SimulatedDevices]:
         )
         try:
             assert process.stdout is not None
-            yield SimulatedDevices(_ports(process, process.stdout))
+            yield SimulatedDevices(*_endpoints(process, process.stdout))
         finally:
             _end(process)
 
 
-def _ports(process: subprocess.Popen[str], lines: IO[str]) -> dict[str, int]:
+def _endpoints(process: subprocess.Popen[str], lines: IO[str]) -> tuple[dict[str, int], dict[str, str]]:
+    """Return the port of each simulated device, and the query of its URL if it has one."""
     ports: dict[str, int] = {}
+    queries: dict[str, str] = {}
     impatience = threading.Timer(START_TIMEOUT_S, process.kill)
     impatience.start()
     try:
@@ -187,9 +197,10 @@ def _ports(process: subprocess.Popen[str], lines: IO[str]) -> dict[str, int]:
                 raise ConfigError("the simulators of the cell did not start; their message is above")
             endpoint = json.loads(line)
             ports[endpoint["device"]] = endpoint["port"]
+            queries[endpoint["device"]] = endpoint.get("query", "")
     finally:
         impatience.cancel()
-    return ports
+    return ports, queries
 
 
 def _end(process: subprocess.Popen[str]) -> None:

@@ -49,6 +49,8 @@ def _examine(cell: Cell, robot: RobotArm, chart: Chart, time_scale: float) -> No
         details = chart.ask("details", partial(cell.robot.declared.details, robot, status)) or Details()
         _fitness(chart, status, details)
         _warmth(chart, details)
+        if details.second_channel:
+            chart.ok("second_channel", details.second_channel)
         if details.nominal is not None:
             _geometry(cell, chart, details.nominal)
         if details.calibration is not None:

@@ -1,4 +1,4 @@
-"""ABB IRC5 over RAPID sockets: the open_abb text dialect, and our superset of it.
+"""ABB IRC5 and OmniCore over RAPID sockets: the open_abb text dialect, and our superset of it.
 
 open_abb (robotics/open_abb `RAPID/SERVER.mod`, TCP 5000): request `<code> <p1> ... <pn> #`, reply
 `<code> <ok> <data>` without terminator. It answers a move after the move, reads joints back to 0.01 deg, and cannot be
@@ -8,8 +8,11 @@ read-back shows it, as `weakness` states.
 
 `robot_side/CALSRV.mod` is our own program, detected by asking 200 (`drivers.abb.calsrv`). Its replies end with ` #` LF,
 echo a sequence number and give five decimals. A target is shown back before it moves the robot. A second task on the
-next port (5001) answers while the robot moves or is in an emergency stop, and stops it. Neither dialect has been tried
-on a controller yet.
+next port (5001) answers while the robot moves or is in an emergency stop, and stops it.
+
+On an OmniCore controller, Robot Web Services can be a second channel (`drivers.abb.second_channel`), with its port in
+the address: `tcp://192.168.125.1:5000?rws=443`. Neither dialect nor the second channel has been tried on a controller
+yet.
 """
 
 from __future__ import annotations
@@ -24,8 +27,12 @@ from contextlib import suppress
 
 from drivers.abb.calsrv import CalSrv
 from drivers.abb.conversation import DECIMALS, AbbConversation, AbbDeadlines
+from drivers.abb.rws import FACTORY_USER, RwsAccess, password_in, pinned
+from drivers.abb.second_channel import SecondChannel
 from drivers.errors import (
+    AcquisitionError,
     CannotStop,
+    ConfigError,
     LinkError,
     LinkTimeout,
     MotionStopped,
@@ -36,7 +43,7 @@ from drivers.errors import (
 )
 from drivers.interfaces import Identity, JointReading, RobotStatus, apart_deg, is_there
 from drivers.limits import Caps
-from drivers.link import TcpLink, WireSink, beside, parse_url
+from drivers.link import Address, TcpLink, WireSink, beside, parse_url
 
 _LOG = logging.getLogger(__name__)
 _JOINTS = 6
@@ -64,6 +71,9 @@ class AbbArm:
     ----------
     hold_deg
         Largest distance from its target at which a servo may hold a joint (`drivers.interfaces`).
+    rws_fingerprint, rws_user, rws_password_file
+        Of the second channel: SHA-256 of the controller's certificate; user, and a private file with the password, by
+        default those of the factory. An address with its own `fingerprint`, that of a simulator, gets no password.
     """
 
     unverified_on_hardware = True
@@ -78,6 +88,9 @@ class AbbArm:
         limits_deg: Sequence[Sequence[float]] | None = None,
         hold_deg: float = 0.002,
         watchdog_s: float = 2.0,
+        rws_fingerprint: str = "",
+        rws_user: str = "",
+        rws_password_file: str = "",
         deadlines: AbbDeadlines | None = None,
         wire: WireSink | None = None,
         clock: Callable[[], float] = time.monotonic,
@@ -96,6 +109,9 @@ class AbbArm:
             TcpLink(behind, f"{name}-background", wire=wire, clock=clock), self._deadlines
         )
         self._calsrv = CalSrv(self._main, self._back, name)
+        self.second: SecondChannel | None = None
+        if access := _access_to(address, name, rws_fingerprint, rws_user, rws_password_file):
+            self.second = SecondChannel(access, name, self._deadlines, wire=wire, clock=clock)
         self._superset = False
         self._armed = False
         self._stopped = threading.Event()
@@ -112,13 +128,15 @@ class AbbArm:
     @deadlines.setter
     def deadlines(self, deadlines: AbbDeadlines) -> None:
         self._deadlines = self._main.deadlines = self._back.deadlines = deadlines
+        if self.second is not None:
+            self.second.deadlines = deadlines
 
     # -- connection ---------------------------------------------------------------------------------------
 
     @property
     def can_stop(self) -> bool:
-        """True only after CALSRV was found; a stock open_abb cannot be stopped by network."""
-        return self._superset
+        """True after CALSRV was found, or with a second channel: a stock open_abb itself cannot be stopped."""
+        return self._superset or self.second is not None
 
     @property
     def weakness(self) -> str:
@@ -131,12 +149,14 @@ class AbbArm:
         return "calsrv" if self._superset else "open_abb"
 
     def connect(self) -> None:
-        """Open, ping, probe for CALSRV, read the joints. Nothing moves.
+        """Open, ping, probe for CALSRV, read the joints, open the second channel. Nothing moves.
 
         Raises
         ------
         LinkError
-            The connection failed, or an answer is not that of a known program.
+            A connection failed, an answer is not that of a known program, or the channels read different joints.
+        ConfigError, Busy
+            The second channel refuses.
         """
         first, self._warned = not self._warned, True
         if first:
@@ -154,6 +174,8 @@ class AbbArm:
                                 "CALBACK does not run on the background port", device=self.name
                             )
                 self._where = self.position().joints_deg
+                if self.second is not None:
+                    self.second.connect(self._where)
             except BaseException:
                 self.disconnect()
                 raise
@@ -161,11 +183,13 @@ class AbbArm:
             _LOG.warning("%s: %s", self.name, self.weakness)
 
     def disconnect(self) -> None:
-        """Close both connections and disarm; never raises."""
+        """Close all connections and disarm; never raises."""
         self._armed = False
         self._where = None
         self._main.link.close()
         self._back.link.close()
+        if self.second is not None:
+            self.second.disconnect()
 
     def _open_main(self) -> None:
         try:
@@ -229,8 +253,13 @@ class AbbArm:
             The emergency stop is pressed.
         WrongMode
             The controller is not in automatic mode, or its motors are off.
+        ProgramNotReady
+            The second channel sees that the RAPID program is stopped.
         """
         with self._main.lock:
+            seen = None if self.second is None else self.second.fresh("arm")
+            if seen is not None:
+                self._calsrv.raise_if_unfit(seen.status, "arm")
             if self._superset:
                 status = self.status()
                 self._calsrv.raise_if_unfit(status, "arm")
@@ -242,6 +271,8 @@ class AbbArm:
                 self._main.ask(8, self._caps.speeds)
                 self._main.ask(9, (1, 0, 0, 0))  # every move ends in a stop point
             self._where = self.position().joints_deg
+            if self.second is not None and seen is not None:
+                self.second.armed(seen, self._where)
             self._stopped.clear()
             self._armed = True
 
@@ -260,7 +291,7 @@ class AbbArm:
             Nothing moves.
         LinkError
             The connection failed, and the position of the robot is unknown.
-        SafetyStop, WrongMode, MotionStopped
+        SafetyStop, WrongMode, MotionStopped, ProgramNotReady
             The robot was stopped on its way.
         NotReached
             The robot is not at its target.
@@ -270,6 +301,8 @@ class AbbArm:
         with self._main.lock:
             if not self._armed:
                 raise NotArmed("motion without arming", device=self.name, command="move_to")
+            if self.second is not None:
+                self._expect_both(self.second)
             seconds = self._move_seconds(target)
             self._next_look = self._clock() + 2 * self._main.link.poll_s
             try:
@@ -285,7 +318,22 @@ class AbbArm:
                 self._armed = False  # wherever the robot is now, a person has to check first
                 raise
             self._where = reached.joints_deg
+            if self.second is not None:
+                self.second.at_rest(self._where)
         return reached
+
+    def _expect_both(self, second: SecondChannel) -> None:
+        """Check before a move that the second channel answers and agrees; it expects a move from now on."""
+        try:
+            seen = second.heard("move_to")
+            self._calsrv.raise_if_unfit(seen.status, "arm")  # as then: nothing moves yet
+            second.compare_program(seen, "move_to")
+            if second.doubts:
+                self.position()
+        except BaseException:
+            self._armed = False
+            raise
+        second.at_rest(None)
 
     def _stock_move(self, target: tuple[float, ...], seconds: float) -> None:
         """Move with the stock dialect, and detect a stopped program.
@@ -293,7 +341,8 @@ class AbbArm:
         A stopped task never answers, nor does it in an emergency stop; the log distinguishes it from a dead link.
         """
         try:
-            self._main.ask(2, target, deadline="move_s", seconds=seconds)
+            look = None if self.second is None else self._look_aside
+            self._main.ask(2, target, deadline="move_s", seconds=seconds, meanwhile=look)
         except LinkTimeout as error:
             joints = None
             with self._back.lock, suppress(LinkError):
@@ -317,13 +366,15 @@ class AbbArm:
         Raises
         ------
         LinkError
-            The connection failed.
+            The connection failed, or the second channel saw other joints of a robot at rest.
         """
         reading = self._read_back()
         for _ in range(_MOST_LOOKS):
             before, reading = reading, self._read_back()
             if reading.joints_deg == before.joints_deg:
                 break
+        if self.second is not None:
+            self.second.compare_joints(reading.joints_deg)
         return reading
 
     def _read_back(self) -> JointReading:
@@ -341,28 +392,41 @@ class AbbArm:
         Raises
         ------
         CannotStop
-            The controller runs the stock dialect.
+            The controller runs the stock dialect, and there is no second channel.
         LinkError
-            The stop was not answered.
+            The stop was not answered, over the second channel neither.
+        CommandRefused
+            The second channel refused it.
         """
         self._armed = False
         self._stopped.set()
-        if not self._superset:
+        if self._superset:
+            try:
+                self._calsrv.stop()
+            except LinkError as error:
+                if self.second is None:
+                    raise
+                _LOG.warning("%s", error)
+            else:
+                return
+        if self.second is None:
             raise CannotStop("stock open_abb has no stop", device=self.name, command="stop")
-        self._calsrv.stop()
+        self.second.stop()
 
     def status(self) -> RobotStatus:
-        """Return the state of the controller; in the stock dialect only that it answers.
+        """Return the state of the controller; in the stock dialect only that it answers, or that of the second channel.
 
         Raises
         ------
         LinkError
             The connection failed.
         """
-        if not self._superset:
-            self._main.ping()
-            return RobotStatus("unknown", None, None, None)
-        return self._calsrv.status()
+        if self._superset:
+            return self._calsrv.status()
+        self._main.ping()
+        if self.second is not None:
+            return self.second.fresh("status").status
+        return RobotStatus("unknown", None, None, None)
 
     # -- checks -------------------------------------------------------------------------------------------
 
@@ -404,8 +468,26 @@ class AbbArm:
         self._next_look = self._clock() + 2 * self._main.link.poll_s
         if self._stopped.is_set():  # the stop may have overtaken the move: say it again
             self.stop()
+            seen = None if self.second is None else self.second.last()
+            if seen is not None and not seen.runs:  # a stopped program never says that the move has ended
+                raise MotionStopped("stopped on its way", device=self.name, command="move_to")
         else:
             self._calsrv.raise_if_unfit(self.status(), "move_to")
+            self._look_aside()
+
+    def _look_aside(self) -> None:
+        """Detect states that the second channel saw during a move; it is not asked, so this takes no time."""
+        if self._stopped.is_set():  # open_abb answers no move that was stopped
+            raise MotionStopped("stopped on its way", device=self.name, command="move_to")
+        if self.second is None or (seen := self.second.last()) is None:
+            return
+        try:
+            self._calsrv.raise_if_unfit(seen.status, "move_to")
+            self.second.compare_program(seen, "move_to")
+        except AcquisitionError:
+            with suppress(AcquisitionError):  # the robot's own channel may not know: it could go on
+                self.stop()
+            raise
 
     def _joints(self, fields: Sequence[bytes], raw: bytes) -> tuple[float, ...]:
         joints = tuple(float(field) for field in fields)
@@ -416,3 +498,36 @@ class AbbArm:
     def _damaged(self, message: str, command: str, raw: bytes) -> ProtocolError:
         self.disconnect()
         return ProtocolError(message, device=self.name, command=command, raw=raw)
+
+
+def _access_to(
+    address: Address, name: str, fingerprint: str, user: str, password_file: str
+) -> Callable[[], RwsAccess] | None:
+    """Return what gives access to the second channel, None if the address has no port for it.
+
+    Raises
+    ------
+    ConfigError
+        The port or the fingerprint is wrong, or the cell file describes a channel that the address lacks.
+    """
+    if "rws" not in address.options:
+        if fingerprint or user or password_file:
+            raise ConfigError(
+                "the cell file describes Robot Web Services, and url has no port for them",
+                device=name,
+                what_to_do="Add ?rws=443 to url, or remove the keys that begin with rws_.",
+            )
+        return None
+    port = beside(address, "rws", 0, name).port
+    if "fingerprint" in address.options:
+        pin = pinned(address.options["fingerprint"], name)
+        return lambda: RwsAccess(address.host, port, pin)
+    pin = pinned(fingerprint, name)
+
+    def access() -> RwsAccess:
+        who = user or FACTORY_USER
+        if not password_file:
+            return RwsAccess(address.host, port, pin, who)
+        return RwsAccess(address.host, port, pin, who, password_in(password_file, name))
+
+    return access

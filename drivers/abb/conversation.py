@@ -36,6 +36,10 @@ class AbbDeadlines:
 
     A move may take `move_factor` x its predicted time + `move_margin_s`. `settle_s` is the time from the reported end
     of a move to a read-back at its target, which is checked every `gap_s`.
+
+    Of the second channel (`drivers.abb.second_channel`): a question may take `rws_s`; it is asked every `rws_every_s`,
+    four questions each, where a controller answers 20 a second; `rws_silent_s` without an answer allows no move; a stop
+    may take `rws_stop_s`.
     """
 
     connect_s: float = 3.0
@@ -48,6 +52,10 @@ class AbbDeadlines:
     move_margin_s: float = 10.0
     settle_s: float = 1.0
     gap_s: float = 0.05
+    rws_s: float = 2.0
+    rws_every_s: float = 0.5
+    rws_silent_s: float = 5.0
+    rws_stop_s: float = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,6 +150,7 @@ class AbbConversation:
         seconds: float | None = None,
         quiet_s: float = 0.0,
         sure: re.Pattern[bytes] | None = None,
+        meanwhile: Callable[[], None] | None = None,
     ) -> re.Match[bytes]:
         """Ask an open_abb question, followed by a ping, and return the data of its answer.
 
@@ -151,6 +160,8 @@ class AbbConversation:
             Form of the complete answer.
         quiet_s, sure
             Determine the end of an answer without a recognisable end (`drivers.link`).
+        meanwhile
+            Called while waiting; may raise.
 
         Raises
         ------
@@ -165,7 +176,7 @@ class AbbConversation:
         limit = self.deadlines.reply_s if seconds is None else seconds
         with self.lock:
             with self.link.question(str(code)):
-                found = self._exchange(request, head, pattern, deadline, limit, quiet_s, sure)
+                found = self._exchange(request, head, pattern, deadline, limit, quiet_s, sure, meanwhile)
             self.ping()
         if found[1] is None:
             raise CommandRefused(
@@ -232,6 +243,7 @@ class AbbConversation:
         seconds: float,
         quiet_s: float = 0.0,
         sure: re.Pattern[bytes] | None = None,
+        meanwhile: Callable[[], None] | None = None,
     ) -> re.Match[bytes]:
         def possible(received: bytes) -> bool:
             begins_well = received.startswith(head) or head.startswith(received)
@@ -247,4 +259,5 @@ class AbbConversation:
             possible=possible,
             quiet_s=quiet_s,
             sure=sure,
+            meanwhile=meanwhile,
         )

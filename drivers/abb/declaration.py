@@ -1,4 +1,4 @@
-"""The declarations of the ABB drivers: RAPID sockets and simple_message.
+"""The declarations of the ABB drivers: RAPID sockets, with Robot Web Services beside them, and simple_message.
 
 They have not been run against hardware yet.
 """
@@ -8,10 +8,38 @@ from __future__ import annotations
 from drivers.abb.arm import AbbArm
 from drivers.abb.simple import AbbSimpleArm
 from drivers.abb.simple_packets import parse_state
-from drivers.declaration import RobotDriver
+from drivers.declaration import RobotDriver, TextOption
 from drivers.details import Details
 from drivers.errors import NotReady
-from drivers.interfaces import RobotStatus
+from drivers.interfaces import RobotArm, RobotStatus
+
+_OPTIONS = (
+    TextOption(
+        "rws_fingerprint",
+        words="`abb` with `?rws=443` in url: SHA-256 of the controller's certificate, which must not change.",
+    ),
+    TextOption(
+        "rws_user",
+        words="`abb` with `?rws=443` in url: who asks; left out: the user of the factory, Default User.",
+    ),
+    TextOption(
+        "rws_password_file",
+        words="`abb` with `?rws=443` in url: file with the password, mode 0600; left out: the password of the factory.",
+    ),
+)
+
+
+def _details(device: RobotArm, status: RobotStatus) -> Details:
+    """Return what the second channel says; a difference between the channels is an error of its own."""
+    if not isinstance(device, AbbArm) or device.second is None:
+        return Details()
+    seen = device.second.fresh("status")
+    device.second.compare(seen, device.position().joints_deg)
+    program = "runs" if seen.runs else "is stopped"
+    told = (
+        f"RobotWare {device.second.version} by Robot Web Services: joints agree, the RAPID program {program}"
+    )
+    return Details(second_channel=told)
 
 
 def _simple_details(device: AbbSimpleArm, status: RobotStatus) -> Details:
@@ -30,6 +58,6 @@ def _simple_details(device: AbbSimpleArm, status: RobotStatus) -> Details:
 
 
 DRIVERS = (
-    RobotDriver(name="abb", make=AbbArm),
+    RobotDriver(name="abb", make=AbbArm, options=_OPTIONS, details=_details),
     RobotDriver(name="abb-simple", make=AbbSimpleArm, details=_simple_details),
 )

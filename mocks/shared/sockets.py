@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import socket
+import ssl
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -16,20 +17,31 @@ Handler = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Awaitable[None]
 
 @dataclass(frozen=True)
 class Endpoint:
-    """Address on which a simulated device listens."""
+    """Address on which a simulated device listens.
+
+    `query` is what its client has to know besides the port, as the query of a URL.
+    """
 
     device: str
     protocol: str
     port: int
     host: str = "127.0.0.1"
     scheme: str = "tcp"  # or "udp"
+    query: str = ""
 
     @property
     def url(self) -> str:
-        return f"{self.scheme}://{self.host}:{self.port}"
+        return f"{self.scheme}://{self.host}:{self.port}" + (f"?{self.query}" if self.query else "")
 
     def line(self) -> dict[str, str | int]:
-        line = {"device": self.device, "protocol": self.protocol, "host": self.host, "port": self.port}
+        line: dict[str, str | int] = {
+            "device": self.device,
+            "protocol": self.protocol,
+            "host": self.host,
+            "port": self.port,
+        }
+        if self.query:
+            line["query"] = self.query
         return line if self.scheme == "tcp" else {**line, "url": self.url}
 
 
@@ -58,8 +70,8 @@ class Servers:
         self._tasks: set[asyncio.Task[None]] = set()
         self._writers: set[asyncio.StreamWriter] = set()
 
-    async def listen(self, handler: Handler, port: int = 0) -> int:
-        """Listen on a port, 0 for a free one, and return the port.
+    async def listen(self, handler: Handler, port: int = 0, tls: ssl.SSLContext | None = None) -> int:
+        """Listen on a port, 0 for a free one, and return the port; with `tls` by TLS.
 
         Raises
         ------
@@ -74,14 +86,14 @@ class Servers:
             self._writers.add(writer)
             try:
                 await handler(reader, writer)
-            except (ConnectionError, asyncio.IncompleteReadError, asyncio.CancelledError):
+            except (ConnectionError, ssl.SSLError, asyncio.IncompleteReadError, asyncio.CancelledError):
                 pass  # the peer is gone, or the cell is shutting down
             finally:
                 self._tasks.discard(task)
                 self._writers.discard(writer)
                 await drop(writer)
 
-        server = await asyncio.start_server(connected, "127.0.0.1", port)
+        server = await asyncio.start_server(connected, "127.0.0.1", port, ssl=tls)
         self._servers.append(server)
         return int(server.sockets[0].getsockname()[1])
 
@@ -179,5 +191,5 @@ async def drop(writer: asyncio.StreamWriter, *, reset: bool = False) -> None:
     if reset:
         writer.transport.abort()
     writer.close()
-    with contextlib.suppress(ConnectionError, asyncio.CancelledError):
+    with contextlib.suppress(ConnectionError, ssl.SSLError, asyncio.CancelledError):
         await writer.wait_closed()

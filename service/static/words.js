@@ -271,7 +271,7 @@ const WORDS = {
   check_alarm: "alarm", check_ballbar: "ballbar", check_battery: "battery", check_bodies: "bodies", check_calibration: "calibration", check_calendar: "calendar", check_clock: "clock", check_details: "details",
   check_driver: "driver", check_geometry: "geometry", check_hand: "typed by hand", check_identity: "who answers", check_lease: "in use", check_link: "connection", check_mode: "mode",
   check_model: "model", check_motion: "motion", check_motors: "motors", check_operator: "operator", check_position: "position", check_program: "program", check_record: "record",
-  check_safety: "safety", check_serial: "serial port", check_services: "services", check_simulated: "simulated", check_speed: "speed", check_sqlite: "SQLite", check_state: "state", check_status: "status",
+  check_safety: "safety", check_second_channel: "second channel", check_serial: "serial port", check_services: "services", check_simulated: "simulated", check_speed: "speed", check_sqlite: "SQLite", check_state: "state", check_status: "status",
   check_stop: "stop", check_untold: "not reported", check_warm_up: "warm-up", check_weather: "weather", check_wire: "transmission",
   examinedIn: "in {s} s",
   healthy: "Ready to measure", notHealthy: "Not ready: {n} to put right",

@@ -1,4 +1,4 @@
-"""Rigs of the ABB: open_abb, stock or custom server, and abb_driver with a proxied port."""
+"""Rigs of the ABB: open_abb, stock or custom server, abb_driver with a proxied port, and Robot Web Services."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from dataclasses import replace
 from functools import partial
 
 from drivers import AbbArm, AbbDeadlines, AbbSimpleArm, AbbSimpleDeadlines
+from drivers.abb.rws import RwsAccess, RwsSession
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
 from mocks.faultproxy import FaultProxy
@@ -16,10 +17,24 @@ from service.conformance import DriverRig
 from tests.conformance.truth import SCALE, sent_elsewhere
 
 PATIENT_ABB = AbbDeadlines(
-    move_margin_s=30.0, ping_s=30.0, reply_s=30.0, stop_s=30.0, quiet_s=0.05, settle_s=30.0, gap_s=0.01
+    move_margin_s=30.0,
+    ping_s=30.0,
+    reply_s=30.0,
+    stop_s=30.0,
+    quiet_s=0.05,
+    settle_s=30.0,
+    gap_s=0.01,
+    rws_s=30.0,
 )
 HASTY_ABB = replace(
-    PATIENT_ABB, move_margin_s=0.3, move_factor=0.0, ping_s=0.3, reply_s=0.3, stop_s=0.3, settle_s=0.1
+    PATIENT_ABB,
+    move_margin_s=0.3,
+    move_factor=0.0,
+    ping_s=0.3,
+    reply_s=0.3,
+    stop_s=0.3,
+    settle_s=0.1,
+    rws_s=0.3,
 )
 PATIENT_SIMPLE = AbbSimpleDeadlines(reply_s=30.0, stop_s=30.0, settle_s=30.0)
 HASTY_SIMPLE = replace(
@@ -88,9 +103,53 @@ def abb_simple_rig(stack: ExitStack, *, proxied: str) -> DriverRig:
     return DriverRig(arm, proxy, cell.do, ask, 0.0021, longest_s, PATIENT_SIMPLE, HASTY_SIMPLE, elsewhere)
 
 
+class WebReader:
+    """Robot Web Services alone: the driver asks them in a thread of its own, which waits for nobody."""
+
+    name = "abb"
+
+    def __init__(self, access: RwsAccess) -> None:
+        self._deadlines = PATIENT_ABB
+        self.session = RwsSession(access, "abb-rws", PATIENT_ABB.rws_s)
+
+    @property
+    def deadlines(self) -> AbbDeadlines:
+        return self._deadlines
+
+    @deadlines.setter
+    def deadlines(self, deadlines: AbbDeadlines) -> None:
+        self._deadlines, self.session.limit_s = deadlines, deadlines.rws_s
+
+    def connect(self) -> None:
+        self.session.abort()
+        self.session.version()
+
+    def arm(self) -> None:
+        """Nothing is armed."""
+
+
+def abb_rws_rig(stack: ExitStack) -> DriverRig:
+    """Build the rig; question i reads states and joints of an arm that was put into a distinct pose."""
+    cell = stack.enter_context(CellThread(FILE, devices=("abb", "abb-rws")))
+    proxy = stack.enter_context(FaultProxy(cell.port("abb-rws"), device=cell.do))
+    assert cell.cell is not None
+    reader = WebReader(RwsAccess("127.0.0.1", proxy.port, cell.cell.rws.fingerprint))
+    stack.callback(reader.session.close)
+
+    def ask(i: int) -> float:
+        cell.do("jog", joints_deg=goal(i))
+        seen = reader.session.state()
+        assert (seen.controller, seen.mode, seen.runs) == ("motoron", "auto", True)
+        return math.dist(seen.joints_deg, goal(i))
+
+    longest_s = 4 * 2 * HASTY_ABB.rws_s  # questions, each at most twice
+    return DriverRig(reader, proxy, cell.do, ask, 1e-5, longest_s, PATIENT_ABB, HASTY_ABB)
+
+
 ABB_RIGS: dict[str, Callable[[ExitStack], DriverRig]] = {
     "abb-calsrv": partial(abb_rig, stock=False),
     "abb-stock": partial(abb_rig, stock=True),
+    "abb-rws": abb_rws_rig,
     "abb-simple-motion": partial(abb_simple_rig, proxied="abb-simple"),
     "abb-simple-state": partial(abb_simple_rig, proxied="abb-simple-state"),
 }

@@ -27,7 +27,8 @@ BRIDGED = {"faro-mbp1", "leica-mbp1", "ctrack-mbp1", "qc20w-mbp1", "qc20w-serial
 CLOCKED = BRIDGED | {"ur-rtde", "ur-realtime", "ur-primary", "ur-x-rtde"}
 # A stream may lack a package, and half of two is one; on 30003 and 30001 it goes on behind the answer, unread.
 QUIET = {(rig, "half") for rig in ("ur-rtde", "ur-x-rtde", "abb-simple-state")}
-QUIET |= {(rig, fault) for rig in ("ur-realtime", "ur-primary") for fault in LOUD}
+# Robot Web Services are asked again on a new connection, since a controller may close an old one.
+QUIET |= {(rig, fault) for rig in ("ur-realtime", "ur-primary", "abb-rws") for fault in LOUD}
 
 
 NAMES = sorted(set(RIGS) - REQUESTS_ONLY)

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from drivers import AbbArm, FanucArm, FaroTracker, Qc20w, UrArm, YaskawaArm
+from drivers import AbbArm, FanucArm, FaroTracker, ProtocolError, Qc20w, UrArm, YaskawaArm
 from mocks.__main__ import DEVICES, ROBOTS
 from mocks.cell import CellThread
 from mocks.cell_file import CellFile
@@ -142,6 +142,24 @@ def test_a_simulator_of_datagrams_prints_its_address() -> None:
         process.send_signal(signal.SIGTERM)
         process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0
+
+
+@pytest.mark.parametrize(("dialect", "protocol"), [("omnicore", "rws2"), ("irc5-rws1", "rws1")])
+def test_an_abb_with_its_web_services(dialect: str, protocol: str) -> None:
+    with run("abb", "--dialect", dialect) as process:
+        assert process.stdout is not None
+        ends = {(end := json.loads(process.stdout.readline()))["device"]: end for _ in range(4)}
+        assert ends["abb-rws"]["protocol"] == protocol
+        assert ends["abb"]["query"] == ends["abb-rws"]["query"]
+        arm = AbbArm(f"tcp://127.0.0.1:{ends['abb']['port']}?{ends['abb']['query']}")
+        if protocol == "rws1":
+            with pytest.raises(ProtocolError, match="RobotWare 6"):
+                arm.connect()
+        else:
+            arm.connect()
+        arm.disconnect()
+        process.send_signal(signal.SIGTERM)
+        assert process.communicate(timeout=PATIENCE_S)[1] == ""
 
 
 def test_every_simulator_has_dialects() -> None:

@@ -118,7 +118,7 @@ def stepped_cell(cell: Cell, operator: Operator | None = None) -> Iterator[Equip
         file.write_text(cell.source, encoding="utf-8")
         described = read_mock_cell(file)
     drivers = (cell.robot.driver, cell.instrument.driver)
-    with CellThread(described, devices=drivers, clock=clock) as simulated:
+    with CellThread(described, devices=described.devices, clock=clock) as simulated:
         robot, instrument = map(simulated.url, drivers)
         hands = SimulatedHands(simulated.port("backdoor"))
         by_hand = cell.robot.declared.by_hand or cell.instrument.declared.by_hand

@@ -74,6 +74,11 @@ def files_of(example: str, campaign: str = "campaign") -> tuple[Cell, Campaign]:
             {("calibration", 3): 30, ("validation", 3): 10},
         ),
         (
+            "gofa_omnicore",
+            "campaign",
+            {("calibration", 3): 30, ("validation", 3): 10, ("reference", 1): 6},
+        ),
+        (
             "lrmate_ballbar",
             "campaign",
             {("calibration", 6): 61, ("validation", 6): 8, ("validation", 1): 40},
@@ -98,7 +103,7 @@ def faster(
     table = read_toml(file)[1]
     table["simulation"] |= {"time_scale": SCALE, "effects": ["none"], **(simulation or {})}
     wanted = read_toml(EXAMPLES / example / f"{campaign}.toml")[1] | changes
-    return cell_from(table, str(file)), campaign_from(wanted, campaign)
+    return cell_from(table, str(file), beside=file.parent), campaign_from(wanted, campaign)
 
 
 def run_simulated(folder: Path, cell: Cell, campaign: Campaign) -> Run:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from tests.sabotage.change import Change
 
+_RWS = ("tests/drivers/test_abb_rws.py",)
 _ABB = (
     "tests/drivers/test_read_back.py",
     "tests/drivers/test_abb.py",
@@ -148,6 +149,34 @@ CHANGES = (
         "            if reading.joints_deg:\n",
         "a damaged answer of an ABB is taken for its position",
         _ABB,
+    ),
+    Change(
+        "drivers/abb/rws.py",
+        "        if shown != self.access.fingerprint:\n",
+        "        if not shown:\n",
+        "the password of an OmniCore goes to a controller with another certificate",
+        _RWS,
+    ),
+    Change(
+        "drivers/abb/rws.py",
+        "        connection.auto_open = 0  #",
+        "        connection.auto_open = 1  #",
+        "a connection to an OmniCore is made again without a look at its certificate",
+        _RWS,
+    ),
+    Change(
+        "drivers/abb/second_channel.py",
+        "            if off > AGREE_DEG:\n",
+        "            if off > 90.0:\n",
+        "the second channel of an ABB believes joints of another robot",
+        _RWS,
+    ),
+    Change(
+        "drivers/abb/second_channel.py",
+        "        if self._mode and state.mode != self._mode:\n",
+        "        if not self._mode:\n",
+        "a mode change that only the second channel of an ABB sees ends no move",
+        _RWS,
     ),
     Change(
         "drivers/limits.py",

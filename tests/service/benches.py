@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from acquisition import Cell, Devices, open_devices, read_cell
@@ -51,17 +52,22 @@ def bench(
 
     Drivers for robot or instrument, and the dialect of a device, replace those of the example if they are named.
     """
-    file = folder / "cell.toml"
-    shutil.copy(ROOT / "examples" / example / "cell.toml", file)
+    file, source = folder / "cell.toml", ROOT / "examples" / example
+    for robot_file in source.glob("abb-*.toml"):
+        shutil.copy(robot_file, folder)
+    shutil.copy(source / "cell.toml", file)
     text = file.read_text("utf-8")
     for section, driver in (("robot", robot_driver), ("instrument", instrument_driver)):
         if driver:
             text = re.sub(rf'(?s)(\[{section}\].*?driver = )"[a-z]+"', rf'\1"{driver}"', text, count=1)
     file.write_text(text, "utf-8")
-    described = replace(read_mock_cell(file), time_scale=1.0)
+    with TemporaryDirectory() as elsewhere:
+        whole = Path(elsewhere) / "cell.toml"
+        whole.write_text(read_cell(file).source, "utf-8")
+        described = replace(read_mock_cell(whole), time_scale=1.0)
     described = replace(described, dialect=dialect or described.dialect)
     names = (described.robot_driver, described.instrument_driver)
-    with CellThread(described, devices=names) as simulators:
+    with CellThread(described, devices=described.devices) as simulators:
         urls = iter([simulators.url(name) for name in names])
         text = re.sub(r'(?m)^url = "[^"]*"', lambda _: f'url = "{next(urls)}"', file.read_text("utf-8"))
         file.write_text(text, "utf-8")

@@ -99,7 +99,8 @@ def test_two_faults_at_once(faro: Bench, tmp_path: Path, capsys: pytest.CaptureF
 
 
 LOOKS = {
-    "abb": rb"(0|4|98|200|202 \d+|205 \d+) #",
+    "abb-rws": rb"GET /[\w/-]+",
+    "abb(?!-rws)": rb"(0|4|98|200|202 \d+|205 \d+) #",
     "faro|leica|ctrack|qc20w": rb"\d+ (HELLO [^*]*|STATUS|PING|CAL|MODELS|BYE)\*\w{4}\n",
     "fanuc-rmi": rb'\{"(Communication": "FRC_(Connect|Disconnect)|Command": "FRC_(GetStatus|ReadJointAngles))"\}\r\n',
     "fanuc(?!-rmi)": rb"(curjpos|curpos|calname:\d+|calstat:\d+)\n",

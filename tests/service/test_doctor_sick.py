@@ -81,6 +81,53 @@ def test_states(
     assert found.exit_code == code
 
 
+@pytest.mark.parametrize(
+    ("told", "wanted", "code"),
+    [
+        ({}, {}, 0),
+        ({"off_deg": 1.0}, {("robot", "details"): (1003, "ProtocolError")}, 4),
+        ({"busy": True}, {("robot", "link"): (3002, "Busy")}, 4),
+    ],
+)
+def test_the_second_channel_of_an_omnicore(
+    told: dict[str, object], wanted: dict[tuple[str, str], tuple[int, str]], code: int, tmp_path: Path
+) -> None:
+    with bench("gofa_omnicore", tmp_path) as gofa:
+        devices = open_devices(gofa.cell)
+        if (
+            "off_deg" in told
+        ):  # from the second look on: a robot that is another one from the start is not connected
+            connect = devices.robot.connect
+            devices.robot.connect = lambda: (connect(), gofa.simulators.do("rws", **told))  # type: ignore[method-assign]
+        else:
+            gofa.simulators.do("rws", **told)
+        found = gofa.examine(devices)
+        shown = [each.found for each in found.findings if each.check == "second_channel"]
+    assert faults(found) == wanted
+    assert found.exit_code == code
+    assert len(shown) == (not wanted)
+    assert all("RobotWare 7" in each and "joints agree" in each for each in shown)
+
+
+def test_a_certificate_that_nobody_compared_is_shown(tmp_path: Path) -> None:
+    with bench("gofa_omnicore", tmp_path) as gofa:
+        assert gofa.simulators.cell is not None
+        pin = gofa.simulators.cell.rws.fingerprint
+        gofa.rewrite(f"&fingerprint={pin}", "")
+        file = tmp_path / "password"
+        file.write_text("robotics\n", "utf-8")
+        file.chmod(0o600)
+        gofa.rewrite("~/.truepose/omnicore-password", str(file))
+        gofa.rewrite('rws_user = "truepose"', 'rws_user = "Default User"')
+        line = next(line for line in gofa.file.read_text("utf-8").splitlines() if "rws_fingerprint" in line)
+        gofa.rewrite(line, "")
+        found = gofa.examine()
+        assert faults(found) == {("robot", "link"): (6000, "ConfigError")}
+        assert any(pin in each.found for each in found.faults)
+        gofa.rewrite("rws_user", f'rws_fingerprint = "{pin}"\nrws_user')
+        assert not faults(gofa.examine())
+
+
 def test_an_instrument_that_is_off_is_a_note(faro: Bench) -> None:
     faro.simulators.do("tracker", state="OFF")
     found = faro.examine()

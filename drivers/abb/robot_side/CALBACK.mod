@@ -1,5 +1,6 @@
 MODULE CALBACK
-  ! Robot side of TruePose for ABB IRC5: background task (non-motion, SEMISTATIC), TCP 5001. Goes with CALSRV.mod.
+  ! Robot side of TruePose for ABB IRC5 and OmniCore (RobotWare 6, 7): background task (non-motion,
+  ! SEMISTATIC), TCP 5001. Goes with CALSRV.mod.
   ! UNTESTED ON A CONTROLLER.
   ! Answers while the motion task moves, is stopped or is in an emergency stop: 200 probe, 202 joints,
   ! 205 status, 207 stop. Stops the robot when the client is silent longer than calWatchdogS during a move.

@@ -1,5 +1,5 @@
 MODULE CALSRV
-  ! Robot side of TruePose for ABB IRC5: motion task (T_ROB1), TCP 5000.
+  ! Robot side of TruePose for ABB IRC5 and OmniCore (RobotWare 6, 7): motion task (T_ROB1), TCP 5000.
   ! UNTESTED ON A CONTROLLER. Written from the published description of the protocol and of RAPID.
   ! First trial: manual mode, reduced speed, hand on the enabling device, empty cell. It moves there as in automatic
   ! mode, at 250 mm/s at most; in manual mode at full speed nothing moves.
