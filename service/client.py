@@ -18,6 +18,7 @@ from __future__ import annotations
 import base64
 import http.client
 import json
+import re
 import threading
 import time
 import uuid
@@ -377,6 +378,24 @@ class Client:
             document["id"], document["kind"], document["result"] or {}, document["problem"] or {}
         )
 
+    def each(self, collection: str, *, limit: int = 100) -> Iterator[Mapping[str, Any]]:
+        """Yield the documents of a list such as `runs`, `datasets` or `deletions`, `limit` of them per request.
+
+        Documents that exist all the time come once, even if others are added or deleted meanwhile.
+
+        Raises
+        ------
+        ServiceError
+            There is no such list, or `limit` is not between 1 and 500.
+        """
+        member = collection.rsplit("/", 1)[-1].replace("-", "_")
+        path = f"/{quote(collection)}?{urlencode({'limit': limit})}"
+        while path:
+            data, link = self._answer("GET", path)
+            yield from json.loads(data)[member]
+            found = re.search(r'</api/v1(/[^>]*)>; *rel="next"', link)
+            path = "" if found is None else found[1]
+
     def report(self, job_id: str) -> bytes:
         """Fetch the report of a job, one HTML page."""
         return self._send("GET", f"/reports/{quote(job_id)}")
@@ -464,6 +483,17 @@ class Client:
         headers: Mapping[str, str] | None = None,
         timeout_s: float | None = None,
     ) -> bytes:
+        return self._answer(method, path, content, headers, timeout_s)[0]
+
+    def _answer(
+        self,
+        method: str,
+        path: str,
+        content: bytes | None = None,
+        headers: Mapping[str, str] | None = None,
+        timeout_s: float | None = None,
+    ) -> tuple[bytes, str]:
+        """Send one request and return the body of its answer, and its `Link`."""
         timeout = self._timeout_s if timeout_s is None else timeout_s
         link = http.client.HTTPConnection(self._host, self._port, timeout=timeout)
         try:
@@ -481,7 +511,7 @@ class Client:
             link.close()
         if answer.status >= 400:
             raise ServiceError(answer.status, _document(data))
-        return data
+        return data, answer.getheader("Link", "")
 
 
 def _document(data: bytes) -> Mapping[str, Any]:

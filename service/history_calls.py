@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 
-def robots(address: str, due: Mapping[str, Any]) -> dict[str, Any]:
-    """Return all robots. `due` holds the fields of `DueDateRequest`."""
+def robots(address: str, due: Mapping[str, Any], after: str, most: int) -> dict[str, Any]:
+    """Return all robots, or a page of them. `due` holds the fields of `DueDateRequest`."""
     from service.results.robots import DueDateRequest, told_robots
 
-    return told_robots(address, DueDateRequest(**due))
+    return told_robots(address, DueDateRequest(**due), after, most)
 
 
 def robot(address: str, name: str, due: Mapping[str, Any], most: int) -> dict[str, Any] | None:

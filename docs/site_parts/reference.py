@@ -84,9 +84,12 @@ def http() -> Iterator[str]:
     yield document["info"]["description"]
     yield "The service serves this as `/openapi.json`, from which client generators work."
     yield "Every error is an `application/problem+json` with `operator_text` and `what_to_do`."
-    for path, item in sorted(document["paths"].items()):
-        for method, operation in item.items():
-            yield from _route(method.upper(), path, operation)
+    for tag in document["tags"]:
+        yield from ("", f"## {tag['name']}", "", tag["description"])
+        for path, item in sorted(document["paths"].items()):
+            for method, operation in item.items():
+                if operation["tags"][-1] == tag["name"]:  # the core stands first, and only there
+                    yield from _route(method.upper(), path, operation)
     yield from ("", "## Bodies")
     for name, schema in sorted(document["components"]["schemas"].items()):
         yield from _schema(name, schema)
@@ -94,7 +97,7 @@ def http() -> Iterator[str]:
 
 def _route(method: str, path: str, operation: Mapping[str, Any]) -> Iterator[str]:
     said = operation.get("description") or operation.get("summary", "")
-    yield from ("", f"## {method} {path}", "", said, "")
+    yield from ("", f"### {method} {path}", "", said, "")
     if parameters := operation.get("parameters"):
         yield from ("| parameter | in | type | default | |", "|---|---|---|---|---|")
         for each in parameters:

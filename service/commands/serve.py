@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import errno
 import gc
-import ipaddress
 import os
-import re
 import socket
 import sys
 import threading
@@ -15,7 +13,7 @@ from contextlib import ExitStack, contextmanager
 from importlib import import_module
 from json import dumps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from filelock import FileLock, Timeout
@@ -23,6 +21,7 @@ from filelock import FileLock, Timeout
 from calib.errors import DataError
 from service import exit_codes
 from service.commands import history, serving
+from service.http.access.connections import broker_at, is_loopback, listener_at, refuse_host
 from service.json_log import json_log
 from service.private import (
     NAME,
@@ -31,16 +30,17 @@ from service.private import (
     lasting_tokens,
     note_if_others_read,
     owner_only,
+    read_secret,
     refuse_foreign,
     tokens_until_the_end,
 )
 
 if TYPE_CHECKING:
-    from service.http.access.roles import ServiceSettings
+    from service.http.access.roles import LivePublisher, ServiceSettings
 
+MQTT_VARIABLE = "TRUEPOSE_MQTT_PASSWORD"
 _APP = "service.http.app"
 _ADDRESS = r"https?://\S+, process \d+\n"
-_HOST = re.compile(r"(?:[A-Za-z0-9_-]{1,63}\.){0,10}[A-Za-z][A-Za-z0-9-]{0,62}")  # its last part is no number
 
 
 @owner_only()
@@ -78,6 +78,27 @@ def serve(
             help="Largest position error permitted, RMS: dates of the next checks go by it.",
         ),
     ] = None,
+    mqtt: Annotated[
+        str | None,
+        typer.Option(
+            metavar="URL",
+            help="Broker that gets live values, mqtts://USER@HOST:PORT; mqtt:// only on this computer.",
+        ),
+    ] = None,
+    mqtt_password: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help=f"File with the password of USER. Else {MQTT_VARIABLE}."),
+    ] = None,
+    mqtt_ca: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Certificate of the broker's authority, PEM. Default: those of the system."
+        ),
+    ] = None,
+    opcua: Annotated[
+        str | None,
+        typer.Option(metavar="[HOST:]PORT", help="Address on which an OPC UA server shows live values."),
+    ] = None,
     json: serving.Hello = False,
     log: serving.Log = None,
 ) -> None:
@@ -87,12 +108,20 @@ def serve(
     """
     refuse_host(host)
     token = chosen_token() if token_file is None else None
-    if token is None and token_file is None and not is_loopback(host):
-        sys.stderr.write(
-            f"truepose: refused to listen on {host} without a token of your own: everybody on that network could "
-            f"move the robot. Set {VARIABLE} or give --token-file.\n"
-        )
-        raise typer.Exit(exit_codes.REFUSED)
+    place = None if opcua is None else listener_at(opcua)
+    for each, harm in (
+        (host, "move the robot"),
+        (place[0] if place else "localhost", "read what it measures"),
+    ):
+        if token is None and token_file is None and not is_loopback(each):
+            sys.stderr.write(
+                f"truepose: refused to listen on {each} without a token of your own: everybody on that network could "
+                f"{harm}. Set {VARIABLE} or give --token-file.\n"
+            )
+            raise typer.Exit(exit_codes.REFUSED)
+    if mqtt is None and (mqtt_password or mqtt_ca):
+        raise DataError("is missing.", do="Give the address of the broker.", key="--mqtt")
+    broker = None if mqtt is None else broker_at(mqtt, _password(mqtt_password), mqtt_ca)
     if simulate and cell is None:
         raise DataError("needs a cell to simulate.", do="Give --cell CELL.toml.", key="--simulate")
     record = record.absolute()
@@ -121,6 +150,14 @@ def serve(
             from acquisition.examination import note_low_priority
 
             note_low_priority()
+        name = socket.gethostname() if the_cell is None else the_cell.name
+        publishers: list[LivePublisher] = []
+        if broker is not None:
+            mqtt_publisher = _extra("mqtt").mqtt_publisher
+            publishers.append(stack.enter_context(mqtt_publisher(broker, name)))
+        if place is not None:
+            server = _extra("opcua").OpcuaServer(name, *place, tokens, record / "opcua")
+            publishers.append(stack.enter_context(server))
         settings = ServiceSettings(
             record=record,
             tokens=tokens,
@@ -130,6 +167,7 @@ def serve(
             host=host,
             store=store or (None if simulate else os.environ.get(history.VARIABLE)),
             permitted_mm=permitted,
+            publishers=tuple(publishers),
         )
         text = _for_programs if json else _for_people
 
@@ -140,6 +178,34 @@ def serve(
         code = run_server(create_app(settings), host, port, tokens, hello)
     if code != exit_codes.DONE:
         raise typer.Exit(code)
+
+
+def _password(file: Path | None) -> str:
+    """Return the password for the broker; empty if there is none."""
+    text = (
+        os.environ.get(MQTT_VARIABLE, "")
+        if file is None
+        else read_secret(file, "send in the name of this cell")
+    )
+    return text.strip()
+
+
+def _extra(name: str) -> Any:
+    """Import the module of an optional protocol.
+
+    Raises
+    ------
+    DataError
+        Its library is not installed.
+    """
+    try:
+        return import_module(f"service.http.live.{name}")
+    except ImportError as error:
+        raise DataError(
+            f"needs a library that is not installed ({error.name}).",
+            do=f"Install it: pip install 'truepose[{name}]'",
+            key=f"--{name}",
+        ) from error
 
 
 @contextmanager
@@ -217,34 +283,3 @@ def _for_people(settings: ServiceSettings, url: str) -> str:
             "Ctrl-C pauses whatever runs and ends the service.",
         )
     )
-
-
-def refuse_host(host: str) -> None:
-    """Refuse a host that is neither an address nor a name.
-
-    The system takes '' and '0' for all its addresses.
-
-    Raises
-    ------
-    DataError
-        The host is neither.
-    """
-    try:
-        ipaddress.ip_address(host.removeprefix("[").removesuffix("]"))
-    except ValueError as error:
-        if not _HOST.fullmatch(host):
-            raise DataError(
-                f"{host!r} is not an address.",
-                do="Give an address or a name of this computer, or 0.0.0.0 for all of its addresses.",
-                key="--host",
-            ) from error
-
-
-def is_loopback(host: str) -> bool:
-    """Return whether only this computer can reach the address."""
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host.strip("[]")).is_loopback
-    except ValueError:
-        return False

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from importlib.metadata import version
@@ -13,6 +14,7 @@ from service.http.access.account import RequestCounters, RequestMetrics
 from service.http.access.gate import AccessGate
 from service.http.access.lanes import RequestLanes
 from service.http.access.roles import ServiceSettings
+from service.http.live.feed import LiveFeed
 from service.http.routes import (
     campaign_file_routes,
     campaign_routes,
@@ -49,9 +51,16 @@ def create_app(settings: ServiceSettings) -> FastAPI:
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         app.state.service = service = Service(settings)
+        feed = (
+            asyncio.create_task(LiveFeed(service, settings.publishers).follow())
+            if settings.publishers
+            else None
+        )
         try:
             yield
         finally:
+            if feed is not None:
+                feed.cancel()
             await anyio.to_thread.run_sync(service.close)
 
     app = FastAPI(

@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import socket
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import AsyncGenerator, Callable, Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -19,25 +19,28 @@ from fastapi import Depends, Request
 from fastapi.responses import JSONResponse, Response
 
 import acquisition
-from acquisition import Cell, Devices, open_devices
+from acquisition import Cell, Devices, Event, Run, open_devices
 from service.http.access.audit import Audit
 from service.http.access.motion_lease import MotionLease
 from service.http.access.roles import ServiceSettings
 from service.http.runs.loops import LoopStore
 from service.http.runs.run_cache import RunCache
+from service.http.runs.run_document import FINAL
 from service.http.runs.run_manager import RunManager
 from service.http.runs.verifications import VerificationStore
-from service.http.wire.problems import Problem
+from service.http.wire.problems import Problem, not_found
 from service.http.work.campaigns import CampaignStore
 from service.http.work.datasets import DatasetStore
 from service.http.work.deletions import DeletionLog
 from service.http.work.history import RobotHistory
 from service.http.work.idempotency import IdempotencyKeys
 from service.http.work.jobs import Jobs
+from service.http.work.paging import Page
 from service.http.work.readings import DocumentCache
 from service.http.work.workers import Workers
 
 _T = TypeVar("_T")
+_AT_ONCE = 20  # events of a stream before others have their turn
 SLICE_S = 1.0  # of a long poll: longest time for which it holds a thread after its client has left or the service ends
 WAITERS = 100
 STOPPERS = 16
@@ -73,8 +76,9 @@ class Service:
             simulated=settings.simulated is not None,
             permitted_mm=settings.permitted_mm,
         )
-        self.jobs = Jobs(record, self.history.look)
-        self.book.at_rest = self.history.look
+        self.ends = 0  # grows with each run, loop and job that has ended
+        self.jobs = Jobs(record, self._ended)
+        self.book.at_rest = self._ended
         self.lease = MotionLease(Audit(record))
         self.loops = LoopStore(
             record / "loops",
@@ -103,6 +107,10 @@ class Service:
         self._watches: dict[str, asyncio.Task[int]] = {}
         self.stream_turns = asyncio.Lock()
         anyio.to_thread.current_default_thread_limiter().total_tokens = ORDINARY
+
+    def _ended(self) -> None:
+        self.ends += 1
+        self.history.look()
 
     def models_of(self, table: Mapping[str, Any]) -> dict[str, Path]:
         """Return the files of the models of this service that the blocks of a campaign name, by id."""
@@ -172,6 +180,44 @@ class Service:
             if watch.done() and watch.result() > after:
                 return
 
+    async def event_batches(
+        self, run_id: str, run: Run, seen: int, patience_s: float
+    ) -> AsyncGenerator[list[Event]]:
+        """Yield the events of a run behind `seen` as they happen, oldest first, at most 20 at once.
+
+        An empty list comes if nothing has happened for `patience_s`. It ends with the service, or when nothing can
+        happen to the run any more.
+        """
+        while not self.closing:
+            async with self.stream_turns:  # one stream after another: a stop is heard between them
+                events = await self.waiting(lambda after=seen: run.events(after, _AT_ONCE))
+            if events:
+                seen = events[-1].id
+                yield events
+                continue
+            if (await self.waiting(run.status)).state in FINAL:
+                return
+            await self.changed(
+                f"run {run_id}", lambda seconds, after=seen: run.wait(after, seconds), seen, patience_s
+            )
+            yield []
+
+    def result(self, name: str) -> dict[str, Any]:
+        """Return the document of a job of any kind, of a closed loop or of a verification, with its `kind`.
+
+        Raises
+        ------
+        Problem
+            404: there is none of this id.
+        """
+        kind = self.jobs.kind_of(name)
+        if kind is not None:
+            return self.jobs.document(kind, name)
+        for store in (self.loops, self.verifications):
+            if name in store.ids():
+                return store.document(name) | {"kind": store.kind}
+        raise not_found("result", name)
+
     async def waiting(self, what: Callable[[], _T]) -> _T:
         """Call `what` in one of the threads that may wait, and return its result."""
         return await anyio.to_thread.run_sync(what, limiter=self._waiters, abandon_on_cancel=True)
@@ -190,13 +236,26 @@ class Service:
             return await anyio.to_thread.run_sync(what, limiter=self._resting)
         return await anyio.to_thread.run_sync(what, limiter=self._stoppers if stops else self._orders)
 
-    async def listed(self, name: str, documents: Callable[[], list[dict[str, Any]]]) -> Response:
-        """Return all documents of a kind as JSON, created once for all simultaneous requests."""
+    async def listed(
+        self,
+        member: str,
+        page: Page,
+        keys: Callable[[], Iterable[str]],
+        read: Callable[[str], dict[str, Any]],
+        *,
+        newest_first: bool = True,
+    ) -> Response:
+        """Return a page of a list as JSON, created once for all simultaneous requests.
 
-        def read() -> bytes:
-            return bytes(JSONResponse({name: documents()}).body)
+        `member` holds the items; `keys` and `read` are those of `Page.take`, and `keys` is called first.
+        """
 
-        return Response(await self.listing(name, read), media_type=JSONResponse.media_type)
+        def work() -> tuple[bytes, str]:
+            items, last = page.take(keys(), read, newest_first=newest_first)
+            return bytes(JSONResponse({member: items}).body), last
+
+        body, last = await self.listing(f"{page.url.path} {page.limit} {page.after}", work)
+        return Response(body, headers=page.headers(last), media_type=JSONResponse.media_type)
 
     def end(self) -> None:
         """Begin the end of the service: refuse new work, release long polls, abandon computations."""

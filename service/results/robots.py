@@ -98,8 +98,17 @@ def id_of(robot: RobotKey) -> str:
     return hashlib.sha256(f"{robot.model}\0{robot.serial}".encode()).hexdigest()[:16]
 
 
-def told_robots(address: str, asked: DueDateRequest) -> dict[str, Any]:
+def told_robots(address: str, asked: DueDateRequest, after: str = "", most: int = 0) -> dict[str, Any]:
     """List the robots of a store as a document, the most urgent first.
+
+    A page of the list is in the order of the ids instead, because what is urgent changes between two pages.
+
+    Parameters
+    ----------
+    after : str
+        Id of the last robot of the page before; empty for the first page or the whole list.
+    most : int
+        Number of robots of a page; 0 for all, up to `MOST`.
 
     Raises
     ------
@@ -110,12 +119,16 @@ def told_robots(address: str, asked: DueDateRequest) -> dict[str, Any]:
     with FleetStore.open(address) as store:
         lines = [_line(each, asked.permitted_mm, way, now) for each in store.standings()]
         place = store.place
-    lines.sort(key=_urgency)
+    if after or most:
+        shown = sorted((line for line in lines if line.id > after), key=lambda line: line.id)
+    else:
+        shown = sorted(lines, key=_urgency)
+    most = most or MOST
     return {
         "store": place,
         "now": text_of(now),
-        "robots": [document_of(line) for line in lines[:MOST]],
-        "left_out": len(lines[MOST:]),
+        "robots": [document_of(line) for line in shown[:most]],
+        "left_out": len(shown[most:]),
         "need_care": sum(line.needs_care for line in lines),
     }
 

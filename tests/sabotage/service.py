@@ -19,6 +19,27 @@ _LEASE = (
 
 CHANGES = (
     Change(
+        "service/http/work/paging.py",
+        "            if self.after and not behind(key, self.after):\n",
+        "            if self.after and behind(self.after, key):\n",
+        "the last item of a page is on the next one too",
+        ("tests/service/test_paging.py",),
+    ),
+    Change(
+        "service/http/live/mqtt.py",
+        "            self._unsent = dict.fromkeys(self._values)  # it may be another one, or have lost them\n",
+        "",
+        "a broker that was restarted has none of the values that do not change",
+        ("tests/service/test_live_mqtt.py",),
+    ),
+    Change(
+        "service/http/live/opcua.py",
+        "if role is not None and username == role.value else None",
+        "",
+        "an OPC UA client without a token reads everything",
+        ("tests/service/test_live.py",),
+    ),
+    Change(
         "service/http/runs/loop_work.py",
         "        return by is not None and not self._ending  # a stop that came before that was of a run at rest\n",
         "        return by is not None\n",

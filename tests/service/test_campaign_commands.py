@@ -25,7 +25,7 @@ from jsonschema import Draft202012Validator
 from calib.data.read import read_dataset
 from drivers import FanucArm
 from service.cli import main
-from service.commands.serve import is_loopback
+from service.http.access.connections import is_loopback
 from service.private import make_secret
 from tests.drivers.waiting import PATIENCE_S, until
 from tests.service.test_http_support import ROOT

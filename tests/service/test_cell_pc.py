@@ -27,6 +27,7 @@ from service.http.app import create_app
 from tests.drivers.nobody import nobody_listens
 from tests.drivers.waiting import PATIENCE_S, until
 from tests.end_to_end.simulated import ROOT, cell_file
+from tests.service.campaigns import write_data
 from tests.service.test_http_support import TOKEN, Served, served
 
 PAGES = ROOT / "docs" / "cell-pc"
@@ -53,9 +54,11 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
         yield running
 
 
-def taken_from(page: str, folder: Path) -> Path:
-    """The program of a page, or of examples/cell-pc, in a folder with a campaign as TOML and as JSON."""
-    if page.endswith(".md"):
+def taken_from(page: str, folder: Path, text: str = "") -> Path:
+    """The program of a page, of examples/cell-pc or of `text`, in a folder with a campaign as TOML and as JSON."""
+    if text:
+        name = page
+    elif page.endswith(".md"):
         (name, text), *_ = re.findall(
             r"```\w+ file=(\S+)\n(.*?)```", (PAGES / page).read_text("utf-8"), re.DOTALL
         )
@@ -97,6 +100,24 @@ def test_the_curl_page_runs_a_campaign(service: Served, tmp_path: Path) -> None:
     assert "succeeded: 30 of 30" in told
     assert re.search(r"(?m)^\w+, (accepted|rejected|not_decided)$", told)
     assert service.client.get("/cell").json()["lease"] is None
+
+
+@pytest.mark.skipif(not (shutil.which("curl") and shutil.which("sh")), reason="needs a shell and curl")
+def test_the_page_of_the_core_has_a_working_example_of_each_of_its_operations(
+    service: Served, tmp_path: Path
+) -> None:
+    page = (PAGES / "core.md").read_text("utf-8")
+    taken_from("core.sh", tmp_path, "".join(re.findall(r"```sh\n(.*?)```", page, re.DOTALL)))
+    write_data(tmp_path, n=60)
+    told = run(["sh", tmp_path / "core.sh"], tmp_path, service)
+    assert re.fullmatch(r"30\nattributed\nChecked only: .*\n", told)
+    assert (tmp_path / "report.html").read_text("utf-8").lower().startswith("<!doctype html>")
+    assert service.client.get("/cell").json()["lease"] is None
+    paths = service.anybody.get("/openapi.json").json()["paths"]
+    core = {
+        each["operationId"] for item in paths.values() for each in item.values() if "Core" in each["tags"]
+    }
+    assert set(re.findall(r"`([a-z]+[A-Z]\w+)`", page)) == core
 
 
 @pytest.mark.skipif(node is None, reason="needs node")
@@ -192,6 +213,16 @@ def test_what_is_asked_again_with_its_key_is_done_once(service: Served) -> None:
         campaign = {"campaign": tomllib.loads(CAMPAIGN), "name": "twice"}
         ids = {cell.once("/campaigns", campaign, "the-same")["id"] for _ in range(3)}
         assert len(ids) == 1
+
+
+def test_the_client_reads_a_list_page_by_page(service: Served) -> None:
+    with Client(service.url, TOKEN) as cell:
+        made = [cell.once("/campaigns", {"campaign": tomllib.loads(CAMPAIGN)})["id"] for _ in range(5)]
+        assert [each["id"] for each in cell.each("campaigns", limit=2)][:5] == made[::-1]
+        assert [*cell.each("watch-plans")] == []
+        with pytest.raises(ServiceError, match="limit") as refused:
+            next(cell.each("runs", limit=501))
+        assert refused.value.status == 422
 
 
 def test_a_stop_returns_before_it_is_heard() -> None:

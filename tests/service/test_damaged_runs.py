@@ -22,6 +22,7 @@ from acquisition.run.run import Run
 from service.http.runs import dry_runs
 from service.http.runs.run_manager import RunManager
 from service.http.wire import problems
+from service.http.work.stored_documents import readable
 from service.http.work.workers import Workers
 from tests.acquisition.fakes import Bench, JumpingClock, a_campaign, a_cell, devices_of
 from tests.acquisition.test_rescue import BLOCKS, DAMAGES, READINGS, Files, make, put
@@ -62,7 +63,7 @@ def test_the_rest_goes_on(whole: Files, tmp_path: Path, damage: str) -> None:
     made = DAMAGES | {"emptied": emptied, "a cell that is none": lose_the_cell}
     made[damage](record)
     with opened(tmp_path / "runs") as book:
-        listed = {document["id"]: document for document in book.documents()}
+        listed = {document["id"]: document for document in readable(book.ids(), book.document)}
         assert sorted(listed) == sorted(RUNS)
         bad = listed[RUNS[1]]
         assert bad["state"] == "failed"
@@ -91,7 +92,7 @@ def test_a_record_of_an_older_version_is_listed_and_stays_as_it_is(whole: Files,
         db.execute("PRAGMA user_version = 4")
     before = (record / FILE).read_bytes()
     with opened(tmp_path / "runs") as book:
-        listed = {document["id"]: document for document in book.documents()}
+        listed = {document["id"]: document for document in readable(book.ids(), book.document)}
         assert sorted(listed) == sorted(RUNS)
         assert listed[RUNS[1]]["state"] == "failed"
         assert "is a record of version 4" in listed[RUNS[1]]["reason"]
@@ -112,7 +113,7 @@ def test_damage_that_comes_while_the_service_runs(whole: Files, tmp_path: Path) 
     with opened(tmp_path / "runs") as book:
         assert book.document(RUNS[1])["state"] == "paused"
         shutil.copyfile(__file__, record / FILE)
-        listed = {document["id"]: document for document in book.documents()}
+        listed = {document["id"]: document for document in readable(book.ids(), book.document)}
         assert listed[RUNS[1]]["damaged"]
         assert len(listed) == 3
 
@@ -134,7 +135,7 @@ def test_a_folder_that_may_not_be_looked_into_and_a_huge_file(
 
     monkeypatch.setattr(Path, "stat", forbidden)
     with opened(tmp_path / "runs") as book:
-        listed = {document["id"]: document for document in book.documents()}
+        listed = {document["id"]: document for document in readable(book.ids(), book.document)}
     assert sorted(listed) == sorted(RUNS[:2])
     assert "Permission denied" in listed[RUNS[0]]["reason"]
     assert "does not begin as a database does" in listed[RUNS[1]]["reason"]
@@ -145,7 +146,7 @@ def test_a_dry_run_that_is_damaged_while_the_service_runs(tmp_path: Path) -> Non
     record.mkdir(parents=True)
     with opened(tmp_path / "runs") as book:
         (record / dry_runs.FILE).write_bytes(b'{"id": ')
-        (listed,) = book.documents()
+        (listed,) = readable(book.ids(), book.document)
         assert (listed["state"], listed["damaged"]) == ("failed", True)
         assert dry_runs.FILE in listed["reason"]
 
@@ -167,8 +168,8 @@ def test_a_run_that_was_cut_off_is_paused_as_before(whole: Files, tmp_path: Path
 def test_a_half_made_record_is_listed_and_moves_nothing(tmp_path: Path) -> None:
     (tmp_path / "runs" / RUNS[0]).mkdir(parents=True)
     with opened(tmp_path / "runs") as book:
-        assert book.documents() == []  # a folder without a record
+        assert readable(book.ids(), book.document) == []  # a folder without a record
     with Run.create(tmp_path / "runs" / RUNS[1], a_cell(), a_campaign(block=BLOCKS), simulated=True):
         pass
     with opened(tmp_path / "runs") as book:
-        assert [document["state"] for document in book.documents()] == ["ready"]
+        assert [document["state"] for document in readable(book.ids(), book.document)] == ["ready"]

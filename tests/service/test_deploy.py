@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from service.commands import load
-from service.commands.serve import is_loopback
+from service.http.access.connections import is_loopback
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
 

@@ -17,6 +17,7 @@ import pytest
 from acquisition import Cell, Devices, LeaseDeadline, checked_plan
 from acquisition.run import Forecast
 from service.http.runs.run_manager import RunManager
+from service.http.work.stored_documents import readable
 from service.http.work.workers import Workers
 from tests.acquisition.fakes import Bench, a_campaign, a_cell, devices_of
 from tests.drivers.waiting import PATIENCE_S, until
@@ -91,7 +92,7 @@ def test_a_run_whose_folder_is_gone_is_found_paused_and_stopped(tmp_path: Path) 
         until(lambda: book.busy_with is None)
         assert told[0]["state"] == "running"
         assert bench.calls == 9
-        for document in (book.document(name), *book.documents()):
+        for document in (book.document(name), *readable(book.ids(), book.document)):
             assert document["state"] == "paused"
             assert f"{name}/record.sqlite3" in document["reason"]
         book.pause(name, by="anna")

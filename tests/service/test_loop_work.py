@@ -30,6 +30,7 @@ from service.http.runs.verifications import VerificationStore
 from service.http.wire.problems import Problem
 from service.http.work import workers
 from service.http.work.datasets import DatasetStore
+from service.http.work.stored_documents import readable
 from service.http.work.workers import Workers
 from tests.acquisition.fakes import Bench, a_campaign, a_cell, devices_of
 from tests.drivers.waiting import PATIENCE_S, until
@@ -331,7 +332,7 @@ def test_a_loop_whose_file_is_damaged_is_named_and_the_others_are_listed(
 ) -> None:
     odd = json.dumps(BEGUN.as_dict() | {"state": "asleep"})
     loops = opened(stage, tmp_path, cut='{"a":', odd=odd, the_loop=json.dumps(BEGUN.as_dict()))
-    assert [loop["id"] for loop in loops.documents()] == ["the-loop"]
+    assert [loop["id"] for loop in readable(loops.ids(), loops.document)] == ["the-loop"]
     for name, words in (("cut", "not valid JSON"), ("odd", "state: ")):
         with pytest.raises(Problem, match=f"loops/{name}/{ABOUT} .* damaged .*{words}"):
             loops.document(name)

@@ -96,6 +96,24 @@ def test_it_says_the_rules_of_the_cell_pc_itself(document: dict[str, Any]) -> No
         assert word in told
 
 
+def test_operations_are_grouped_by_the_steps_of_the_page_with_the_core_first(
+    document: dict[str, Any],
+) -> None:
+    names = [each["name"] for each in document["tags"]]
+    steps = (ROOT / "docs/operator.md").read_text("utf-8")
+    assert names[0] == "Core"
+    assert [each for each in names if f"| {each} `#/" in steps][:6] == re.findall(
+        r"^\| (\w+) `#/", steps, re.M
+    )[:6]
+    tags = {
+        each["operationId"]: each["tags"] for item in document["paths"].values() for each in item.values()
+    }
+    assert {name for given in tags.values() for name in given} == set(names)
+    assert [
+        name for name, given in tags.items() if len([each for each in given if each != "Core"]) != 1
+    ] == []
+
+
 def test_every_number_has_its_unit(document: dict[str, Any]) -> None:
     without = [
         name

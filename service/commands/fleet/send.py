@@ -140,7 +140,7 @@ def _token(file: Path) -> str:
 def _is_near(url: str) -> bool:
     from urllib.parse import urlsplit
 
-    from service.commands.serve import is_loopback
+    from service.http.access.connections import is_loopback
 
     return is_loopback(urlsplit(url).hostname or "")
 

@@ -13,7 +13,7 @@ import typer
 from service import exit_codes
 from service.commands import serving
 from service.commands.history import PlantStore
-from service.commands.serve import refuse_host
+from service.http.access.connections import refuse_host
 from service.json_log import json_log
 from service.private import lasting_tokens, owner_only
 

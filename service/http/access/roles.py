@@ -13,8 +13,10 @@ import re
 from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
+from typing import Protocol
 
 from acquisition import Cell
+from service.http.access.connections import ConnectionLog
 from service.http.wire.paths import PREFIX
 from service.simulated_cell import SimulatedDevices
 
@@ -54,6 +56,24 @@ def viewer_may(method: str, path: str) -> bool:
     return method in _READS or (method == "POST" and _COMES_TO_REST.fullmatch(path) is not None)
 
 
+class LivePublisher(Protocol):
+    """A publisher of live values to other programs."""
+
+    @property
+    def log(self) -> ConnectionLog: ...
+
+    def offer(self, topic: str, payload: bytes, *, retained: bool) -> None:
+        """Take a value as JSON. It returns at once, and raises nothing.
+
+        Parameters
+        ----------
+        topic : str
+            Name of the value: `state`, `progress`, `prompt`, `reading`, `result` or `event`.
+        retained : bool
+            Whether the value holds until the next one; an event does not.
+        """
+
+
 UPLOAD_BYTES = 32 * 1024 * 1024  # 100,000 readings have some 20 MB
 
 
@@ -73,6 +93,8 @@ class ServiceSettings:
         Address of the history; None for a file of the record.
     permitted_mm : float, optional
         Position error, RMS, from which dates of checks are calculated.
+    publishers : tuple of LivePublisher
+        Publishers of live values, already started.
     """
 
     record: Path
@@ -84,3 +106,4 @@ class ServiceSettings:
     upload_bytes: int = UPLOAD_BYTES
     store: str | None = field(default=None, repr=False)
     permitted_mm: float | None = None
+    publishers: tuple[LivePublisher, ...] = ()

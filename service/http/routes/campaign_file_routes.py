@@ -14,9 +14,10 @@ from service.http.routes.json_route import JsonRoute
 from service.http.state import Here
 from service.http.wire.bodies import CampaignShown
 from service.http.wire.headers import IdempotencyKey
+from service.http.wire.tags import Tag
 from service.http.work.idempotency import reply
 
-router = APIRouter(route_class=JsonRoute, tags=["campaigns"])
+router = APIRouter(route_class=JsonRoute, tags=[Tag.PREPARE])
 NAME = "campaign.toml"
 
 

@@ -16,9 +16,11 @@ from service.http.wire.bodies import (
 )
 from service.http.wire.headers import CampaignId, IdempotencyKey
 from service.http.wire.paths import path_of
+from service.http.wire.tags import Tag
 from service.http.work.idempotency import reply
+from service.http.work.paging import LINKED, Paged
 
-router = APIRouter(route_class=JsonRoute, tags=["campaigns"])
+router = APIRouter(route_class=JsonRoute, tags=[Tag.PREPARE])
 CAMPAIGNS = path_of("campaigns")
 
 
@@ -33,10 +35,10 @@ def create_campaign(here: Here, body: NewCampaign, idempotency_key: IdempotencyK
     return here.keys.once(idempotency_key, (CAMPAIGNS, body), work)
 
 
-@router.get("/campaigns", operation_id="listCampaigns", response_model=Campaigns)
-async def list_campaigns(here: Here) -> Response:
+@router.get("/campaigns", operation_id="listCampaigns", responses=LINKED, response_model=Campaigns)
+async def list_campaigns(here: Here, page: Paged) -> Response:
     """List every campaign, newest first."""
-    return await here.listed("campaigns", here.shelf.all)
+    return await here.listed("campaigns", page, here.shelf.ids, here.shelf.get)
 
 
 @router.get("/campaigns/{campaign_id}", operation_id="getCampaign", response_model=CampaignShown)

@@ -13,6 +13,7 @@ from service.http.routes.pages.page import page_hash
 from service.http.state import Here
 from service.http.wire.bodies import (
     CellShown,
+    ConnectionList,
     DeviceList,
     Health,
     LeaseRequest,
@@ -20,9 +21,10 @@ from service.http.wire.bodies import (
     LeaseTakeoverRequest,
 )
 from service.http.wire.headers import LeaseId
+from service.http.wire.tags import Tag
 from service.json_values import utc_text
 
-router = APIRouter(route_class=JsonRoute, tags=["cell"])
+router = APIRouter(route_class=JsonRoute, tags=[Tag.CELL])
 
 
 @router.get("/health", operation_id="getHealth", response_model=Health)
@@ -86,7 +88,13 @@ async def list_devices(here: Here) -> dict[str, Any]:
     }
 
 
-@router.post("/cell/lease", operation_id="takeLease", response_model=LeaseShown)
+@router.get("/cell/connections", operation_id="listConnections", response_model=ConnectionList)
+async def list_connections(here: Here) -> dict[str, Any]:
+    """List the connections to MQTT and OPC UA that the service was started with, and how they are."""
+    return {"connections": [each.log.document() for each in here.settings.publishers]}
+
+
+@router.post("/cell/lease", operation_id="takeLease", tags=[Tag.CORE], response_model=LeaseShown)
 async def take_lease(here: Here, body: LeaseRequest, lease_id: LeaseId = "") -> dict[str, Any]:
     """Take the motion lease, or keep it.
 
@@ -117,7 +125,7 @@ async def take_lease_over(here: Here, body: LeaseTakeoverRequest) -> dict[str, A
     return await here.urgent(work)
 
 
-@router.delete("/cell/lease", operation_id="giveLeaseBack", status_code=204)
+@router.delete("/cell/lease", operation_id="giveLeaseBack", tags=[Tag.CORE], status_code=204)
 async def give_lease_back(here: Here, lease_id: LeaseId = "") -> Response:
     """Give the lease back.
 

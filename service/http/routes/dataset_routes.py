@@ -18,11 +18,13 @@ from service.http.wire.bodies import (
 )
 from service.http.wire.headers import DatasetId, IdempotencyKey
 from service.http.wire.paths import path_of
+from service.http.wire.tags import Tag
 from service.http.work.idempotency import reply
+from service.http.work.paging import LINKED, Paged
 from service.http.work.proposals import proposed
 from service.kept_dataset import CSV, TOML
 
-router = APIRouter(route_class=JsonRoute, tags=["datasets"])
+router = APIRouter(route_class=JsonRoute, tags=[Tag.DATA])
 DATASETS = path_of("datasets")
 ForeignFiles = Annotated[
     list[UploadFile],
@@ -35,7 +37,9 @@ ForeignFiles = Annotated[
 ]
 
 
-@router.post("/datasets", operation_id="uploadDataset", status_code=201, response_model=DatasetShown)
+@router.post(
+    "/datasets", operation_id="uploadDataset", tags=[Tag.CORE], status_code=201, response_model=DatasetShown
+)
 def upload_dataset(
     here: Here,
     csv: Annotated[UploadFile, File(description="DATA.csv: the readings.")],
@@ -118,10 +122,10 @@ def propose_map(
     return Response(content, media_type=JSONResponse.media_type)
 
 
-@router.get("/datasets", operation_id="listDatasets", response_model=DatasetList)
-async def list_datasets(here: Here) -> Response:
+@router.get("/datasets", operation_id="listDatasets", responses=LINKED, response_model=DatasetList)
+async def list_datasets(here: Here, page: Paged) -> Response:
     """List every data set, newest first."""
-    return await here.listed("datasets", here.datasets.all)
+    return await here.listed("datasets", page, here.datasets.ids, here.datasets.get)
 
 
 @router.get("/datasets/{dataset_id}", operation_id="getDataset", response_model=DatasetShown)

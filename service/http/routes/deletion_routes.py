@@ -5,14 +5,17 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
+from fastapi.responses import Response
 
 from service.http.routes.json_route import JsonRoute
 from service.http.routes.runs.run_routes import who
 from service.http.state import Here
 from service.http.wire.bodies import DeletionList, DeletionShown
 from service.http.wire.headers import CampaignId, DatasetId, JobId, LeaseId, RunId
+from service.http.wire.tags import Tag
+from service.http.work.paging import LINKED, Paged
 
-router = APIRouter(route_class=JsonRoute, tags=["deletions"])
+router = APIRouter(route_class=JsonRoute, tags=[Tag.DATA])
 Reason = Annotated[
     str,
     Query(
@@ -58,7 +61,8 @@ def delete_result(here: Here, job_id: JobId, reason: Reason, lease_id: LeaseId =
     return here.jobs.delete(job_id, here.deletions, who(here, lease_id), reason)
 
 
-@router.get("/deletions", operation_id="listDeletions", response_model=DeletionList)
-def list_deletions(here: Here) -> dict[str, Any]:
+@router.get("/deletions", operation_id="listDeletions", responses=LINKED, response_model=DeletionList)
+async def list_deletions(here: Here, page: Paged) -> Response:
     """Everything that was ever deleted from this record, by whom and why."""
-    return {"deletions": here.deletions.all()}
+    lines = await here.listing("lines of deletions", here.deletions.lines)
+    return await here.listed("deletions", page, lambda: lines, lines.__getitem__, newest_first=False)

@@ -14,11 +14,13 @@ from service.http.state import Here
 from service.http.wire.headers import IdempotencyKey
 from service.http.wire.paths import path_of
 from service.http.wire.problems import Problem, not_found
+from service.http.wire.tags import Tag
 from service.http.work.idempotency import reply
+from service.http.work.paging import LINKED, Paged
 from service.ids import plain_name
 from service.results.robot_answers import AddResponse, RobotResponse, Robots, Trends
 
-router = APIRouter(route_class=JsonRoute, tags=["robots"])
+router = APIRouter(route_class=JsonRoute, tags=[Tag.ROBOTS])
 DOCUMENTS = path_of("documents")
 LARGEST = 16 * 1024 * 1024  # of a document that is sent; a model has 30 kB to a few MB
 
@@ -82,20 +84,23 @@ async def _due(
 Due = Annotated[dict[str, Any], Depends(_due)]
 
 
-@router.get("/robots", operation_id="listRobots", response_model=Robots)
+@router.get("/robots", operation_id="listRobots", responses=LINKED, response_model=Robots)
 def list_robots(
     here: Here,
     due: Due,
+    page: Paged,
 ) -> JSONResponse:
     """List the robots of the history, at most 1,000.
 
     Each has its state, last verdict and cause, errors, and the date of its next check. Everything that this service
-    has measured and found up to now is in it, or in `not_kept` with the reason.
+    has measured and found up to now is in it, or in `not_kept` with the reason. With `limit` or `cursor` they are in
+    the order of their ids, and `left_out` counts those behind the page.
     """
     here.history.bring()
-    found = here.history.ask(history_calls.robots, due)
+    found = here.history.ask(history_calls.robots, due, page.after, page.limit)
     more = {"permitted_mm": due["permitted_mm"], "not_kept": here.history.refused()}
-    return JSONResponse(found | more)
+    last = found["robots"][-1]["id"] if found["left_out"] else ""
+    return JSONResponse(found | more, headers=page.headers(last))
 
 
 @router.get("/robots/{robot_id}", operation_id="getRobot", response_model=RobotResponse)

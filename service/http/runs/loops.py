@@ -86,10 +86,6 @@ class WorkStore(ABC):
         names = (p.name for p in self._folder.iterdir() if safe_id(p.name) and (p / ABOUT).is_file())
         return sorted(names, reverse=True)
 
-    def documents(self) -> list[dict[str, Any]]:
-        """Return every loop, newest first, without those whose files are damaged."""
-        return readable(self.ids(), self.document)
-
     def document(self, name: str) -> dict[str, Any]:
         """Return the document of a loop, with that of the current run.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from acquisition import RunStatus
+from acquisition import Event, RunStatus
 from drivers.errors import AcquisitionError
 from service.json_values import finite, utc_text
 
@@ -27,3 +27,8 @@ def run_document(
         "error": shown,
         "finished_early": early and early | {"utc": utc_text(early["utc"])},
     }
+
+
+def event_document(event: Event) -> dict[str, Any]:
+    """Return the members of `EventShown`."""
+    return finite(event.as_dict()) | {"utc": utc_text(event.utc)}

@@ -16,7 +16,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -33,7 +33,7 @@ from acquisition import (
     read_status,
 )
 from acquisition.campaign import Visit
-from acquisition.errors import RecordError, StorageError
+from acquisition.errors import StorageError
 from acquisition.examination import Examination
 from acquisition.record import DeviceAcceptance, is_begun
 from acquisition.run import NEVER_ASKED, ON_REQUEST, ROLES, DeviceCondition, KnownDevice
@@ -114,14 +114,6 @@ class RunManager:
         except FileNotFoundError:
             found = set()
         return sorted(found | set(self._runs), reverse=True)
-
-    def documents(self) -> list[dict[str, Any]]:
-        """Return every run, newest first; folders that hold none are left out."""
-        out = []
-        for name in self.ids():
-            with suppress(RecordError):
-                out.append(self.document(name))
-        return out
 
     def document(self, name: str, *, at_once: bool = False) -> dict[str, Any]:
         """Return the contract's document of a run.

@@ -21,6 +21,7 @@ from service.files import as_json
 from service.http.runs.loop_work import LoopStatus, Play
 from service.http.runs.loops import ASKED, WorkStore
 from service.http.wire.bodies import VerificationAsked
+from service.http.work.stored_documents import readable
 from service.job_folder import MODEL
 from service.results.cell.proven import write_proof
 
@@ -111,7 +112,7 @@ class VerificationStore(WorkStore):
 
     def verified_rms_mm(self, model_id: str) -> float | None:
         """Return the RMS error of the robot in the last proof of a model, mm; None without one."""
-        for each in self.documents():  # newest first
+        for each in readable(self.ids(), self.document):  # newest first
             if each["model_id"] == model_id and each["result"] is not None:
                 return each["result"]["verification"]["error_verified_mm"]["rms"]
         return None

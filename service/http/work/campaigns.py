@@ -15,7 +15,7 @@ from service.files import as_json
 from service.http.wire.bodies import CampaignShown
 from service.http.wire.problems import Problem, not_found
 from service.http.work.deletions import DeletionLog, hash_of, take_away
-from service.http.work.stored_documents import read_kept, readable
+from service.http.work.stored_documents import read_kept
 from service.ids import new_id, safe_id
 from service.json_values import utc_text
 
@@ -140,6 +140,6 @@ class CampaignStore:
         take_away(file)
         return line
 
-    def all(self) -> list[dict[str, Any]]:
-        """Return all campaigns, newest first."""
-        return readable((file.stem for file in sorted(self._folder.glob("*.json"), reverse=True)), self.get)
+    def ids(self) -> list[str]:
+        """Return the ids of all campaigns, newest first."""
+        return sorted((file.stem for file in self._folder.glob("*.json")), reverse=True)

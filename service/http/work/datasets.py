@@ -17,7 +17,7 @@ from service.http.wire.bodies import DatasetShown
 from service.http.wire.problems import Problem, not_found
 from service.http.work.deletions import DeletionLog, take_away
 from service.http.work.proposals import Sent, written
-from service.http.work.stored_documents import read_kept, readable
+from service.http.work.stored_documents import read_kept
 from service.ids import plain_name, safe_id
 from service.kept_dataset import ABOUT, CSV, TOML, keep_dataset, refuse_path, refuse_paths
 
@@ -151,7 +151,6 @@ class DatasetStore:
         take_away(folder)
         return line
 
-    def all(self) -> list[dict[str, Any]]:
-        """Return all data sets, newest first."""
-        names = sorted((p.name for p in self._folder.iterdir() if safe_id(p.name)), reverse=True)
-        return readable(names, self.get)
+    def ids(self) -> list[str]:
+        """Return the ids of all data sets, newest first."""
+        return sorted((p.name for p in self._folder.iterdir() if safe_id(p.name)), reverse=True)

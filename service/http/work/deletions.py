@@ -11,6 +11,7 @@ import json
 import os
 import shutil
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -72,16 +73,14 @@ class DeletionLog:
         more = {"kept": kept} if events else {}
         return self.note("run", document, by, reason, sha256=sha256_of(folder), **more)
 
-    def all(self) -> list[dict[str, Any]]:
-        """Return every line, oldest first, except one that the end of the program cut off."""
+    def lines(self) -> dict[str, dict[str, Any]]:
+        """Return every line by its number in the file, oldest first, except one that the end of the program cut off."""
         file = self._record / FILE
         lines = file.read_text("utf-8").splitlines() if file.is_file() else []
-        found = []
-        for line in lines:
-            try:
-                found.append(json.loads(line))
-            except json.JSONDecodeError:
-                continue
+        found = {}
+        for number, line in enumerate(lines):
+            with suppress(json.JSONDecodeError):
+                found[f"{number:09}"] = json.loads(line)
         return found
 
 

@@ -117,13 +117,12 @@ class Jobs:
         self._queue.put(folder)
         return self.document(kind, own)
 
-    def newest(self, kind: str, most: int) -> list[dict[str, Any]]:
-        """The newest jobs of a kind, newest first, without those whose files are damaged."""
+    def ids(self, kind: str) -> list[str]:
+        """Return the ids of the jobs of a kind, newest first."""
         folder = self._record / _FOLDERS[kind]
-        names = sorted(
+        return sorted(
             (p.name for p in folder.iterdir() if safe_id(p.name) and (p / JOB).is_file()), reverse=True
         )
-        return readable(names[:most], lambda name: self.document(kind, name))
 
     def document(self, kind: str, name: str) -> dict[str, Any]:
         """Return the state of a job.
@@ -186,19 +185,20 @@ class Jobs:
             return problems.document(422, problem.pop("text"), problem.pop("do"), **problem)
         return problems.document(500, "The work was cut off before its end.", "Ask for it again.")
 
-    def of_dataset(self, dataset_id: str) -> list[dict[str, Any]]:
-        """Return the jobs on a data set, newest first.
+    def of_dataset(self, dataset_id: str) -> dict[str, str]:
+        """Return the kinds of the jobs on a data set by their ids, newest first.
 
         Those with damaged files are left out.
         """
-        found = []
+        found = {}
         for kind, collection in _FOLDERS.items():
             folder = self._record / collection
-            names = [p.name for p in folder.iterdir() if safe_id(p.name) and (p / JOB).is_file()]
-            orders = readable(names, lambda name, folder=folder: read_kept(folder / name / JOB, StoredJob))
-            own = [order["id"] for order in orders if order["dataset_id"] == dataset_id]
-            found += readable(own, lambda name, kind=kind: self.document(kind, name))
-        return sorted(found, key=lambda job: job["id"], reverse=True)
+            for order in readable(
+                self.ids(kind), lambda name, folder=folder: read_kept(folder / name / JOB, StoredJob)
+            ):
+                if order["dataset_id"] == dataset_id:
+                    found[order["id"]] = kind
+        return dict(sorted(found.items(), reverse=True))
 
     def wait(self, kind: str, name: str, after: int, seconds: float) -> int:
         """Return the version, waiting up to `seconds` for one beyond `after`."""

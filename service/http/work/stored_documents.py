@@ -8,6 +8,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from acquisition.errors import RecordError
 from calib.errors import DataError
 from calib.text import read_json
 from service.http.wire.problems import Problem
@@ -35,17 +36,19 @@ def read_kept(path: Path, kind: type[BaseModel]) -> dict[str, Any]:
 
 
 def readable(names: Iterable[str], read: Callable[[str], dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return the results of `read` for the names, without those whose file is damaged.
+    """Return the results of `read` for the names, without those that are damaged or gone.
 
-    One damaged file therefore does not make the list fail.
+    One damaged file, or one that is being made or deleted, therefore does not make the list fail.
     """
     out = []
     for name in names:
         try:
             out.append(read(name))
         except Problem as problem:
-            if problem.code != DAMAGED:
+            if problem.code != DAMAGED and problem.status_code != 404:
                 raise
+        except RecordError:
+            continue  # a folder without a record
     return out
 
 

@@ -15,6 +15,7 @@ from fastapi.responses import StreamingResponse
 from service.http.access.roles import Role, viewer_may
 from service.http.wire.bodies import EventShown, ProblemShown
 from service.http.wire.problems import MEDIA_TYPE
+from service.http.wire.tags import TAGS
 
 _PIECE = 32768  # bytes that are sent at once
 _TOKENS = {
@@ -101,7 +102,11 @@ def serve_openapi(app: FastAPI) -> None:
 
 def _document(app: FastAPI) -> dict[str, Any]:
     document = get_openapi(
-        title=app.title, version=app.version, description=app.description + _RULES, routes=app.routes
+        title=app.title,
+        version=app.version,
+        description=app.description + _RULES,
+        routes=app.routes,
+        tags=[{"name": tag.value, "description": text} for tag, text in TAGS.items()],
     )
     parts = document.setdefault("components", {})
     schemas = parts.setdefault("schemas", {})

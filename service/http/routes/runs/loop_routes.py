@@ -16,9 +16,11 @@ from service.http.state import Here, Service
 from service.http.wire.bodies import LoopList, LoopShown, NewLoop, ResumeBody
 from service.http.wire.headers import After, IdempotencyKey, LeaseId, LoopId, Wait
 from service.http.wire.paths import path_of
+from service.http.wire.tags import Tag
 from service.http.work.idempotency import reply
+from service.http.work.paging import LINKED, Paged
 
-router = APIRouter(route_class=JsonRoute, tags=["loops"])
+router = APIRouter(route_class=JsonRoute, tags=[Tag.MEASURE])
 LOOPS = path_of("loops")
 
 
@@ -27,7 +29,7 @@ def _accepted(here: Service, loop_id: str, **more: Any) -> JSONResponse:
     return reply(202, document, location=f"{LOOPS}/{loop_id}", retry_after=1)
 
 
-@router.post("/loops", operation_id="createLoop", status_code=202, response_model=LoopShown)
+@router.post("/loops", operation_id="createLoop", tags=[Tag.CORE], status_code=202, response_model=LoopShown)
 def create_loop(
     here: Here, body: NewLoop, idempotency_key: IdempotencyKey = "", lease_id: LeaseId = ""
 ) -> JSONResponse:
@@ -66,13 +68,13 @@ def create_loop(
     return here.keys.once(idempotency_key, (LOOPS, body), work)
 
 
-@router.get("/loops", operation_id="listLoops", response_model=LoopList)
-async def list_loops(here: Here) -> Response:
+@router.get("/loops", operation_id="listLoops", responses=LINKED, response_model=LoopList)
+async def list_loops(here: Here, page: Paged) -> Response:
     """List every loop, newest first."""
-    return await here.listed("loops", here.loops.documents)
+    return await here.listed("loops", page, here.loops.ids, here.loops.document)
 
 
-@router.get("/loops/{loop_id}", operation_id="getLoop", response_model=LoopShown)
+@router.get("/loops/{loop_id}", operation_id="getLoop", tags=[Tag.CORE], response_model=LoopShown)
 async def get_loop(here: Here, loop_id: LoopId, wait: Wait = 0, after: After = 0) -> dict[str, Any]:
     """Return a loop.
 

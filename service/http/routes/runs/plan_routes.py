@@ -16,11 +16,12 @@ from service.http.state import Here
 from service.http.wire.bodies import RunResponse, WhyBody
 from service.http.wire.headers import IdempotencyKey, LeaseId, RunId
 from service.http.wire.problems import not_found
+from service.http.wire.tags import Tag
 from service.results.cell.plan import PlanShown
 from service.results.cell.price import PriceShown, price_of
 from service.results.cell.scene import SceneShown, scene_of
 
-router = APIRouter(route_class=JsonRoute, tags=["plans"])
+router = APIRouter(route_class=JsonRoute)
 Number = Annotated[
     int, Path(ge=0, le=2**31, description="Number of the visit in the plan, from 0 on.", examples=[17])
 ]
@@ -34,7 +35,7 @@ Joints = Annotated[
 ]
 
 
-@router.get("/cell/scene", operation_id="getScene")
+@router.get("/cell/scene", operation_id="getScene", tags=[Tag.PREPARE])
 def get_scene(here: Here, joints_deg: Joints = "") -> SceneShown:
     """The cell as a picture needs it: arm and tool as capsules, boxes and posts, nests and targets, mm, world frame."""
     try:
@@ -44,13 +45,13 @@ def get_scene(here: Here, joints_deg: Joints = "") -> SceneShown:
     return here.workers.call(scene_of, here.cell, posture)
 
 
-@router.get("/runs/{run_id}/plan", operation_id="getPlan")
+@router.get("/runs/{run_id}/plan", operation_id="getPlan", tags=[Tag.CHECK])
 def get_plan(here: Here, run_id: RunId) -> PlanShown:
     """Every visit of a run, or of a dry run: where its targets should be, what became of them, how long it takes."""
     return here.workers.call(plan_in, here.book.path(run_id))
 
 
-@router.get("/runs/{run_id}/visits/{number}/price", operation_id="getPrice")
+@router.get("/runs/{run_id}/visits/{number}/price", operation_id="getPrice", tags=[Tag.MEASURE])
 def get_price(here: Here, run_id: RunId, number: Number) -> PriceShown:
     """The price of a pose: the predicted U of positions as planned and without it, mm, and the seconds it takes."""
     here.book.get(run_id)  # a dry run measures nothing
@@ -91,13 +92,21 @@ Order = Annotated[Callable[[str], JSONResponse], Depends(_order)]
 VISIT = "/runs/{run_id}/visits/{number}"
 
 
-@router.post(f"{VISIT}/retake", operation_id="retakeVisit", status_code=202, response_model=RunResponse)
+@router.post(
+    f"{VISIT}/retake",
+    operation_id="retakeVisit",
+    tags=[Tag.MEASURE],
+    status_code=202,
+    response_model=RunResponse,
+)
 def retake_visit(order: Order) -> JSONResponse:
     """Measure a pose again: its readings are kept, out of use. The robot goes back there, so this needs `Lease-Id`."""
     return order("retake")
 
 
-@router.post(f"{VISIT}/skip", operation_id="skipVisit", status_code=202, response_model=RunResponse)
+@router.post(
+    f"{VISIT}/skip", operation_id="skipVisit", tags=[Tag.MEASURE], status_code=202, response_model=RunResponse
+)
 def skip_visit(order: Order) -> JSONResponse:
     """Leave out the readings of a pose that are not measured yet. `retake` requests them again."""
     return order("skip")

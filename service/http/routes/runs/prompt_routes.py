@@ -11,20 +11,20 @@ from fastapi import APIRouter, Depends, Header, Path
 from fastapi.responses import JSONResponse
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 
-from acquisition import Event, Run
+from acquisition import Run
 from drivers.interfaces import Answer
 from drivers.operator import UnknownPrompt
 from service.http.routes.json_route import JsonRoute
 from service.http.routes.runs.run_routes import RUNS, who
-from service.http.runs.run_document import FINAL
+from service.http.runs.run_document import event_document
 from service.http.state import Here
 from service.http.wire.bodies import AnswerBody, Prompts, RunResponse
 from service.http.wire.headers import IdempotencyKey, LeaseId, PromptId, RunId
 from service.http.wire.problems import Problem
+from service.http.wire.tags import Tag
 from service.http.work.idempotency import reply
-from service.json_values import finite, utc_text
 
-router = APIRouter(route_class=JsonRoute, tags=["prompts"])
+router = APIRouter(route_class=JsonRoute, tags=[Tag.MEASURE])
 NOTED_S = 2.0  # until the record has an answer; a disk that takes longer is not waited for
 
 
@@ -38,7 +38,7 @@ class Verb(Enum):
     ABORT = "abort"
 
 
-@router.get("/runs/{run_id}/prompts", operation_id="listPrompts", response_model=Prompts)
+@router.get("/runs/{run_id}/prompts", operation_id="listPrompts", tags=[Tag.CORE], response_model=Prompts)
 async def list_prompts(here: Here, run_id: RunId) -> dict[str, Any]:
     """List the prompt that is open now, if there is one."""
     prompt = (await here.reading(f"run {run_id}", lambda: here.book.document(run_id)))["prompt"]
@@ -46,7 +46,10 @@ async def list_prompts(here: Here, run_id: RunId) -> dict[str, Any]:
 
 
 @router.post(
-    "/runs/{run_id}/prompts/{prompt_id}/{verb}", operation_id="answerPrompt", response_model=RunResponse
+    "/runs/{run_id}/prompts/{prompt_id}/{verb}",
+    operation_id="answerPrompt",
+    tags=[Tag.CORE],
+    response_model=RunResponse,
 )
 async def answer_prompt(
     here: Here,
@@ -103,8 +106,6 @@ async def _run(here: Here, run_id: RunId) -> Run:
     return await here.waiting(lambda: here.book.get(run_id))
 
 
-_AT_ONCE = 20  # events of a stream before others have their turn
-
 LastEventId = Annotated[
     str,
     Header(
@@ -155,18 +156,6 @@ async def stream_events(
     | `accept_other`, `other_device_accepted`, `rescued` | by, reason, and the device or record |
     """
     seen = int(last_event_id) if last_event_id.isdecimal() and len(last_event_id) < 16 else 0
-    while not here.closing:
-        async with here.stream_turns:  # one stream after another: a stop is heard between them
-            events = await here.waiting(lambda after=seen: run.events(after, _AT_ONCE))
+    async for events in here.event_batches(run_id, run, seen, 10.0):
         for event in events:
-            yield ServerSentEvent(id=str(event.id), event=event.kind, data=_shown(event))
-            seen = event.id
-        if events:
-            continue
-        if (await here.waiting(run.status)).state in FINAL:
-            return
-        await here.changed(f"run {run_id}", lambda seconds, after=seen: run.wait(after, seconds), seen, 10.0)
-
-
-def _shown(event: Event) -> dict[str, Any]:
-    return finite(event.as_dict()) | {"utc": utc_text(event.utc)}
+            yield ServerSentEvent(id=str(event.id), event=event.kind, data=event_document(event))

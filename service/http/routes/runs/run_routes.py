@@ -26,9 +26,11 @@ from service.http.wire.bodies import (
 )
 from service.http.wire.headers import After, IdempotencyKey, LeaseId, RunId, Wait
 from service.http.wire.paths import path_of
+from service.http.wire.tags import Tag
 from service.http.work.idempotency import reply
+from service.http.work.paging import LINKED, Paged
 
-router = APIRouter(route_class=JsonRoute, tags=["runs"])
+router = APIRouter(route_class=JsonRoute, tags=[Tag.MEASURE])
 RUNS = path_of("runs")
 LINES = "application/x-ndjson"
 
@@ -39,7 +41,7 @@ def accepted(here: Service, run_id: str, *, at_once: bool = False, **more: Any) 
     return reply(202, document, location=f"{RUNS}/{run_id}", retry_after=1)
 
 
-@router.post("/runs", operation_id="createRun", status_code=202, response_model=RunResponse)
+@router.post("/runs", operation_id="createRun", tags=[Tag.CORE], status_code=202, response_model=RunResponse)
 def create_run(
     here: Here, body: NewRun, idempotency_key: IdempotencyKey = "", lease_id: LeaseId = ""
 ) -> JSONResponse:
@@ -68,13 +70,13 @@ def create_run(
     return here.keys.once(idempotency_key, (RUNS, body), work)
 
 
-@router.get("/runs", operation_id="listRuns", response_model=Runs)
-async def list_runs(here: Here) -> Response:
+@router.get("/runs", operation_id="listRuns", responses=LINKED, tags=[Tag.CORE], response_model=Runs)
+async def list_runs(here: Here, page: Paged) -> Response:
     """List every run, newest first."""
-    return await here.listed("runs", here.book.documents)
+    return await here.listed("runs", page, here.book.ids, here.book.document)
 
 
-@router.get("/runs/{run_id}", operation_id="getRun", response_model=RunResponse)
+@router.get("/runs/{run_id}", operation_id="getRun", tags=[Tag.CORE], response_model=RunResponse)
 async def get_run(here: Here, run_id: RunId, wait: Wait = 0, after: After = 0) -> Response:
     """Return a run.
 
@@ -167,7 +169,13 @@ def restation_run(
     return here.keys.once(idempotency_key, (f"{RUNS}/{run_id}/restation", body), work)
 
 
-@router.post("/runs/{run_id}/stop", operation_id="stopRun", status_code=202, response_model=RunResponse)
+@router.post(
+    "/runs/{run_id}/stop",
+    operation_id="stopRun",
+    tags=[Tag.CORE],
+    status_code=202,
+    response_model=RunResponse,
+)
 async def stop_run(here: Here, run_id: RunId) -> JSONResponse:
     """Halt the robot now and end the run. Needs no lease.
 
@@ -182,7 +190,13 @@ async def stop_run(here: Here, run_id: RunId) -> JSONResponse:
     return await here.order(run_id, work, stops=True)
 
 
-@router.post("/runs/{run_id}/dataset", operation_id="exportRun", status_code=201, response_model=DatasetShown)
+@router.post(
+    "/runs/{run_id}/dataset",
+    operation_id="exportRun",
+    tags=[Tag.CORE],
+    status_code=201,
+    response_model=DatasetShown,
+)
 def export_run(
     here: Here, run_id: RunId, body: ExportBody, idempotency_key: IdempotencyKey = ""
 ) -> JSONResponse:

@@ -15,9 +15,11 @@ from service.http.state import Here, Service
 from service.http.wire.bodies import NewVerification, ResumeBody, VerificationList, VerificationShown
 from service.http.wire.headers import After, IdempotencyKey, LeaseId, VerificationId, Wait
 from service.http.wire.paths import path_of
+from service.http.wire.tags import Tag
 from service.http.work.idempotency import reply
+from service.http.work.paging import LINKED, Paged
 
-router = APIRouter(route_class=JsonRoute, tags=["verifications"])
+router = APIRouter(route_class=JsonRoute, tags=[Tag.VERIFY])
 PROOFS = path_of("verifications")
 
 
@@ -63,10 +65,12 @@ def create_verification(
     return here.keys.once(idempotency_key, (PROOFS, body), work)
 
 
-@router.get("/verifications", operation_id="listVerifications", response_model=VerificationList)
-async def list_verifications(here: Here) -> Response:
+@router.get(
+    "/verifications", operation_id="listVerifications", responses=LINKED, response_model=VerificationList
+)
+async def list_verifications(here: Here, page: Paged) -> Response:
     """List every proof, newest first."""
-    return await here.listed("verifications", here.verifications.documents)
+    return await here.listed("verifications", page, here.verifications.ids, here.verifications.document)
 
 
 @router.get(

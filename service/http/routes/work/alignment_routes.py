@@ -16,6 +16,7 @@ from service.http.state import Here
 from service.http.wire.bodies import AlignmentShown
 from service.http.wire.headers import IdempotencyKey
 from service.http.wire.paths import path_of
+from service.http.wire.tags import Tag
 from service.http.work.idempotency import begun
 from service.job_folder import ROBOT, TRACKER
 from service.results.files.alignment_request import (
@@ -26,7 +27,7 @@ from service.results.files.alignment_request import (
     AlignmentRequest,
 )
 
-router = APIRouter(route_class=JsonRoute, tags=["alignments"])
+router = APIRouter(route_class=JsonRoute, tags=[Tag.DATA])
 ALIGNMENTS = path_of("alignments")
 
 

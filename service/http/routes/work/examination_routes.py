@@ -10,9 +10,10 @@ from fastapi import APIRouter
 from acquisition.examination import examine
 from service.http.routes.json_route import JsonRoute
 from service.http.state import Here
+from service.http.wire.tags import Tag
 from service.results.cell.examined import ExaminationShown
 
-router = APIRouter(route_class=JsonRoute, tags=["cell"])
+router = APIRouter(route_class=JsonRoute, tags=[Tag.CHECK])
 
 
 @router.post("/cell/examination", operation_id="examineCell")

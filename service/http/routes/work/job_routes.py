@@ -10,9 +10,9 @@ import inspect
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from enum import Enum
-from typing import Annotated, Any
+from typing import Any
 
-from fastapi import APIRouter, Query
+from fastapi import APIRouter
 from fastapi.responses import JSONResponse, Response
 
 from service import history_calls
@@ -58,13 +58,14 @@ from service.http.wire.bodies.watches import (
 from service.http.wire.headers import After, IdempotencyKey, JobId, Wait
 from service.http.wire.paths import path_of
 from service.http.wire.problems import Problem, not_found
+from service.http.wire.tags import Tag
 from service.http.work.idempotency import begun
+from service.http.work.paging import LINKED, NewestPage
 from service.job_folder import PRIOR
 from service.kept_dataset import CSV
 from service.results.cell.placements import PlacementRequest, wanted_of
 
 router = APIRouter(route_class=JsonRoute)
-Limit = Annotated[int, Query(ge=1, le=500, description="Number of them, newest first.", examples=[50])]
 Begin = Callable[[Service, Any], dict[str, Any]]
 
 
@@ -246,20 +247,20 @@ def create_upkeep(here: Service, body: UpkeepAsked) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class JobKind:
-    """A kind of job: its name, its collection, the words of its answer, and the tag under which OpenAPI lists it.
+    """A kind of job: its name, the tags under which OpenAPI lists it, its collection, and the words of its answer.
 
     operation: the second half of the operation ids. request and begin: None for jobs that are asked for elsewhere.
     listed: the answer with the newest, and what they are. picture: what the drawing of the result shows.
     """
 
     kind: str
+    tags: tuple[Tag, ...]
     collection: str
     operation: str
     shown: type[ResponseBody]
     about: str
     request: type[RequestBody] | None = None
     begin: Begin | None = None
-    tag: str = ""
     listed: tuple[type[ResponseBody], str] | None = None
     picture: str = ""
 
@@ -267,6 +268,7 @@ class JobKind:
 KINDS = (
     JobKind(
         "alignment",
+        (Tag.DATA,),
         "alignments",
         "Alignment",
         AlignmentShown,
@@ -275,26 +277,27 @@ KINDS = (
     ),
     JobKind(
         "identification",
+        (Tag.DIAGNOSE,),
         "identifications",
         "Identification",
         IdentificationShown,
         "An identification{}",
         ToIdentify,
         create_identification,
-        "results",
     ),
     JobKind(
         "diagnosis",
+        (Tag.DIAGNOSE, Tag.CORE),
         "diagnoses",
         "Diagnosis",
         DiagnosisShown,
         "A diagnosis{}",
         ToDiagnose,
         create_diagnosis,
-        "results",
     ),
     JobKind(
         "regression",
+        (Tag.DIAGNOSE,),
         "regressions",
         "Regression",
         RegressionShown,
@@ -304,6 +307,7 @@ KINDS = (
     ),
     JobKind(
         "validation",
+        (Tag.VERIFY,),
         "validations",
         "Validation",
         ValidationShown,
@@ -313,6 +317,7 @@ KINDS = (
     ),
     JobKind(
         "sweeps",
+        (Tag.DIAGNOSE,),
         "sweeps",
         "Sweeps",
         SweepsShown,
@@ -323,6 +328,7 @@ KINDS = (
     ),
     JobKind(
         "selection",
+        (Tag.PREPARE,),
         "selections",
         "Selection",
         SelectionShown,
@@ -332,6 +338,7 @@ KINDS = (
     ),
     JobKind(
         "placement",
+        (Tag.PREPARE,),
         "placements",
         "Placements",
         PlacementsShown,
@@ -342,13 +349,13 @@ KINDS = (
     ),
     JobKind(
         "watch_plan",
+        (Tag.ROBOTS,),
         "watch-plans",
         "WatchPlan",
         WatchPlanShown,
         "A plan of a watch{}",
         WatchPlanAsked,
         create_watch_plan,
-        "watches",
         (
             WatchPlansShown,
             "The newest plans of watches; `baseline.sha256` is the hash of their model in the history.",
@@ -356,24 +363,24 @@ KINDS = (
     ),
     JobKind(
         "watch",
+        (Tag.ROBOTS,),
         "watches",
         "Watch",
         WatchShown,
         "A watch{}",
         WatchRequestBody,
         create_watch,
-        "watches",
         (WatchesShown, "The newest watches that were judged here."),
     ),
     JobKind(
         "upkeep",
+        (Tag.ROBOTS,),
         "upkeeps",
         "Upkeep",
         UpkeepShown,
         "An upkeep{}",
         UpkeepAsked,
         create_upkeep,
-        "watches",
         (UpkeepsShown, "The newest upkeeps that were made here."),
     ),
 )
@@ -400,7 +407,7 @@ async def shown(here: Service, kind: str, name: str, wait: int, after: int) -> J
 def _routes(of: JobKind) -> None:
     """Add the routes of a kind of job."""
     path, request, begin = f"/{of.collection}", of.request, of.begin
-    tags: list[str | Enum] = [of.tag or of.collection]
+    tags: list[str | Enum] = [*of.tags]
     words = "".join(f" {letter}" if letter.isupper() else letter for letter in of.operation)
 
     if begin is not None:
@@ -427,8 +434,13 @@ def _routes(of: JobKind) -> None:
         answer, about = of.listed
         (member,) = answer.model_fields
 
-        def newest(here: Here, limit: Limit = 50) -> JSONResponse:
-            return JSONResponse({member: here.jobs.newest(of.kind, limit)})
+        async def newest(here: Here, page: NewestPage) -> Response:
+            return await here.listed(
+                member,
+                page,
+                lambda: here.jobs.ids(of.kind),
+                lambda name: here.jobs.document(of.kind, name),
+            )
 
         plural = f"{words}es" if words.endswith("ch") else f"{words}s"
         router.add_api_route(
@@ -436,6 +448,7 @@ def _routes(of: JobKind) -> None:
             newest,
             operation_id=f"list{plural.replace(' ', '')}",
             response_model=answer,
+            responses=LINKED,
             tags=tags,
             summary=f"List{plural}",
             description=about,

@@ -13,9 +13,10 @@ from service.http.routes.work.target_routes import refuse
 from service.http.state import Here
 from service.http.wire.bodies import CorrectedProgram, ExportChoices, ExportKind, ModelExport
 from service.http.wire.headers import JobId
+from service.http.wire.tags import Tag
 from service.http.work.worker_calls import corrected_program, exported, exports_listed
 
-router = APIRouter(route_class=JsonRoute, tags=["results"])
+router = APIRouter(route_class=JsonRoute, tags=[Tag.CORRECT])
 _CONDITIONS = (
     "For which conditions it shall hold, KEY=VALUE,...: side, approach (deg), temperature (degC), time (s), mass (kg), "
     "cog (mm), series."

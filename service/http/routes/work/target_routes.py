@@ -12,9 +12,10 @@ from service.http.state import Here
 from service.http.wire.bodies import CorrectedTargets, TargetsToCorrect
 from service.http.wire.headers import JobId
 from service.http.wire.problems import Problem
+from service.http.wire.tags import Tag
 from service.http.work.worker_calls import corrected
 
-router = APIRouter(route_class=JsonRoute, tags=["results"])
+router = APIRouter(route_class=JsonRoute, tags=[Tag.CORRECT])
 
 
 @router.post("/models/{job_id}/targets", operation_id="correctTargets", response_model=CorrectedTargets)

@@ -90,6 +90,29 @@ class DeviceList(ResponseBody):
     devices: Annotated[list[DeviceShown], told("The robot, then the instrument.", [])]
 
 
+class ConnectionShown(ResponseBody):
+    """A connection by which other programs read live values."""
+
+    kind: Annotated[Literal["mqtt", "opcua"], told("Its protocol.", "mqtt")]
+    address: Annotated[
+        str, told("The broker, or where clients connect.", "mqtts://broker.plant.example:8883")
+    ]
+    state: Annotated[
+        Literal["connecting", "connected", "listening", "failed"],
+        told("`failed` and `connecting` are tried again by themselves.", "connected"),
+    ]
+    says: Annotated[
+        str, told("The same in words, with trouble also what to do.", "The broker has the connection.")
+    ]
+    since_utc: Annotated[str, told("Since when, RFC 3339 UTC.", "2026-11-21T17:04:59.120Z")]
+
+
+class ConnectionList(ResponseBody):
+    """The connections by which other programs read live values."""
+
+    connections: Annotated[list[ConnectionShown], told("Those that were asked for at the start.", [])]
+
+
 class CampaignShown(ResponseBody):
     """A campaign that was kept."""
 
