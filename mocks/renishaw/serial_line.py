@@ -20,10 +20,14 @@ Serve = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Awaitable[None]]
 class PtyEndpoint(Endpoint):
     """Address of a simulated serial device, which has no port."""
 
-    url: str = ""
+    path: str = ""
+
+    @property
+    def url(self) -> str:
+        return self.path
 
     def line(self) -> dict[str, str | int]:
-        return {"device": self.device, "protocol": self.protocol, "url": self.url}
+        return {"device": self.device, "protocol": self.protocol, "url": self.path}
 
 
 async def open_line(serve: Serve) -> tuple[PtyEndpoint, list[Callable[[], object]]]:
@@ -38,4 +42,4 @@ async def open_line(serve: Serve) -> tuple[PtyEndpoint, list[Callable[[], object
     writer = asyncio.StreamWriter(write, flow, None, loop)
     serving = asyncio.ensure_future(serve(reader, writer))
     closing = [serving.cancel, read.close, write.close, lambda: os.close(theirs)]
-    return PtyEndpoint("qc20w-serial", "mbp1", port=0, url=os.ttyname(theirs)), closing
+    return PtyEndpoint("qc20w-serial", "mbp1", port=0, path=os.ttyname(theirs)), closing

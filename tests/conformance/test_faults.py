@@ -48,7 +48,7 @@ def test_every_fault_has_its_classes() -> None:
 def places(name: str, fault: str, *, whole: bool) -> list[int]:
     """Behind how many answers a rig meets a fault."""
     every = list(range(PLACES))
-    return every if whole else [every[(NAMES.index(name) + sorted(FAULTS).index(fault)) % PLACES]]
+    return every if whole else [every[(NAMES.index(name) + sorted(map(str, FAULTS)).index(fault)) % PLACES]]
 
 
 def test_every_driver_meets_every_fault_and_each_of_them_every_place() -> None:
