@@ -101,8 +101,8 @@ class Displaced(Refused):
 
     code = 3109
     advice = (
-        "Find out what moved it: a hand, the pendant, a brake. Nothing may move it between arrival and reading; "
-        "confirm, and it approaches the pose again."
+        "Find out what moved the robot: a hand, the pendant, a brake. Nothing may move it between arrival and reading; "
+        "confirm, and the robot approaches the pose again."
     )
 
 

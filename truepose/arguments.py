@@ -40,7 +40,7 @@ def joints_of(joints_deg: Any, saved: CalibratedModel) -> Array:
         angles = np.asarray(joints_deg, dtype=np.float64)
     except (TypeError, ValueError) as error:  # words, or rows of different lengths
         raise DataError(
-            f"is no array of numbers: {error}.", do=f"Give (n, {robot.joints}) angles.", key="joints_deg"
+            f"is not an array of numbers: {error}.", do=f"Give (n, {robot.joints}) angles.", key="joints_deg"
         ) from error
     if angles.ndim == 1:
         angles = angles[None]

@@ -115,7 +115,7 @@ def read(
     if isinstance(source, str | Path):
         if header is not None:
             raise DataError(
-                "has its header in the same folder.",
+                "is read with the header in its own folder.",
                 do="Give a header with a DataFrame only.",
                 file=source,
                 key="header",
@@ -149,10 +149,12 @@ def _by_map(source: Any, map_path: Path, header: object) -> Dataset:
     A robot file is named relative to the folder of the map.
     """
     if header is not None:
-        raise DataError("holds the header.", do="Leave header= out.", file=map_path, key="header")
+        raise DataError("contains the header.", do="Leave header= out.", file=map_path, key="header")
     given = [source] if isinstance(source, str | Path) else source
     if not isinstance(given, list | tuple) or not all(isinstance(each, str | Path) for each in given):
-        raise DataError("goes with names of files.", do="Give one file, or a list of two.", key="map")
+        raise DataError(
+            "can be used with names of files only.", do="Give one file, or a list of two.", key="map"
+        )
     files = [Path(each) for each in given]
     found = converted(read_map(map_path), files, map_path, map_path.parent)
     return data_set_of(found.table, found.fit, map_path.with_name(f"{files[0].stem}.csv"), files)

@@ -125,7 +125,7 @@ def table_of(record_dir: Path) -> DataTable:
     if not in_world or not any(row.counts for row in rows):
         raise RecordError(
             f"{record_dir}: holds no reading of a pose yet",
-            what_to_do=f"Go on with it: truepose campaign resume {record_dir}.",
+            what_to_do=f"Continue it with: truepose campaign resume {record_dir}.",
         )
     station = cell.instrument.station_mm if world is None else tuple(float(x) for x in world.origin)
     rows = sorted([*rows, *spans], key=lambda row: row.id)

@@ -133,7 +133,7 @@ class Arrivals:
         off = apart_deg(reached.joints_deg, visit.joints_deg)
         if off > DISPLACED_DEG:
             raise NotReached(
-                f"a joint is read back {off:.3f} deg from where visit {visit.number} sends it",
+                f"a joint reports a position {off:.3f} deg from where visit {visit.number} sends it",
                 device="robot",
                 command="arrive",
                 raw=reached.raw,

@@ -394,7 +394,7 @@ class Sequencer:
             tries, self._given_up = self._given_up, 0
             self._seen = True  # by a person who says so
             self._consult(
-                NothingWhereItShouldBe(f"none of the first {tries} readings could be had: {error.message}")
+                NothingWhereItShouldBe(f"none of the first {tries} readings succeeded: {error.message}")
                 if unseen
                 else error
             )

@@ -57,7 +57,7 @@ def kind_of(link: Mapping[str, Any], number: int, path: Path) -> JointKind:
     for wrong, right in zip(_LIMITS[other], _LIMITS[kind], strict=True):
         if wrong in link:
             raise DataError(
-                f"is the limit of a joint that {other}, and this one {kind}.",
+                f"is the limit of a joint that {other}, but this joint {kind}.",
                 do=f'Give {right} in {UNITS[kind]}, or write joint = "{other}".',
                 file=path,
                 key=f"{prefix}{wrong}",

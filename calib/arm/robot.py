@@ -538,7 +538,9 @@ def _refuse_impossible_kinds(robot: Robot, path: Path) -> None:
     links = range(1, robot.joints + 1)
     named = [link for link, _ in robot.external]
     if not all(k in links for k in (*robot.slides, *named)) or len(set(robot.axes)) != robot.joints:
-        raise DataError("its slides or external axes are none of its joints.", do="Correct them.", file=path)
+        raise DataError(
+            "a slide or an external axis is not one of its joints.", do="Correct them.", file=path
+        )
     if robot.base == "thesis" and 1 in robot.slides:
         raise DataError(
             "is 'thesis', which needs a first joint that turns.", do="Use 'plain'.", file=path, key="base"

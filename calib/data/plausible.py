@@ -281,7 +281,7 @@ def refuse_mirrored(dataset: Dataset, here: Mapping[str, Array], declared: Mappi
     plain = left(goal)
     if plain > _GOOD * np.linalg.norm(np.std(goal, axis=0)) and left(goal * _MIRROR) < _BETTER * plain:
         raise DataError(
-            "lie mirrored to where the lengths find them: the frame they are given in is left-handed.",
+            "are mirrored compared with the positions found from the lengths: their frame is left-handed.",
             do="Change the sign of one axis for all of them.",
             file=dataset.path.with_suffix(".toml"),
             key="base_targets",

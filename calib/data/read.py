@@ -280,7 +280,7 @@ def _joints(table: TextTable, header: Header) -> Array:
         name = robot.joint_columns[robot.kinds.index("turns")]
         raise DataError(
             f"no joint angle exceeds {np.max(np.abs(degrees)):.3f}: these can only be radians.",
-            do=f"Columns {name}... hold degrees: multiply by 180/pi.",
+            do=f"Columns {name}... in degrees: multiply radians by 180/pi.",
             file=table.path,
             key=name,
         )

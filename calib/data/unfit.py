@@ -44,7 +44,7 @@ def refuse_unfit(dataset: Dataset, table: TextTable) -> None:
     rows = dataset.fit_rows
     if not rows.any():
         raise DataError(
-            "has no row that was measured: none to fit, and none to judge a model by.",
+            "has no measured row, neither for a fit nor for judging a model.",
             do="Measure, or take back the status of rows that were rejected without need.",
             file=table.path,
             key="set",

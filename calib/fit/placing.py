@@ -292,7 +292,7 @@ def _refuse_unknown(dataset: Dataset) -> None:
         unknown = unknown[1:]
     if _declared(header, *unknown):
         raise DataError(
-            "speaks of a pose or a place that the header leaves free: there is no nominal value to keep it to.",
+            "belongs to a pose or position that the header leaves free, so it has no nominal value.",
             do='Set world = "nominal", give the position under [base_targets], or leave the name out.',
             file=dataset.path.with_suffix(".toml"),
             key="model.hold, model.priors",

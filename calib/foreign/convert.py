@@ -76,16 +76,15 @@ def converted(made: Map, paths: Sequence[Path], map_path: Path | str, beside: Pa
     fit = fit_of(readings, robot)
     if fit is not None and fit.own_numbers and not made.header.get("simulated", False):
         raise DataError(
-            f"meets the nominal {fit.robot} to {fit.miss * 1000.0:.2g} um, as no measured robot does: these "
-            f"coordinates are the "
-            "controller's own.",
+            f"meets the nominal {fit.robot} to {fit.miss * 1000.0:.2g} um, better than any "
+            "measured robot: these coordinates were computed by the controller.",
             do="Map the columns of the instrument; or write simulated = true under [header] where nothing "
             "was measured.",
             file=layouts[-1].sheet.shown,
         )
     if fit is not None and fit.turned_wrong:
         raise DataError(
-            f"has orientations that miss those of {fit.robot} by {fit.turn / DEG:.0f} deg, and its points fit.",
+            f"has orientations that miss those of {fit.robot} by {fit.turn / DEG:.0f} deg, although its points fit.",
             do="Correct their convention or the order of the quaternion: rotation in the map, or "
             "--answer rotation=CONVENTION ('leave' leaves them aside).",
             file=layouts[-1].sheet.shown,

@@ -107,8 +107,8 @@ def speeds_of(time: Array, places: Array, period: float, grain: CorrelationGrid,
     if extent < _LEAST_EXTENT_MM:
         raise DataError(
             f"nothing moves in it: all of it lies within {extent:.2g} mm.",
-            do="Record while the robot drives its path; streams of a robot at rest cannot be aligned. Where it did "
-            "move, the numbers are in another unit than they are given in.",
+            do="Record while the robot drives its path; streams of a robot at rest cannot be aligned. If it did "
+            "move, the stated unit of the numbers is wrong.",
             file=name,
         )
     grid, over = np.arange(time[0], time[-1], grain.step), grain.over

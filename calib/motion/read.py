@@ -216,7 +216,7 @@ def _times(table: TextTable, column: Column, *, declared: bool) -> tuple[Array, 
     for i, seconds in enumerate(found):
         if seconds is None:
             raise table.refuse(
-                i, column.name, "is no date", "Write YYYY-MM-DD HH:MM:SS.fff or MM/DD/YYYY HH:MM:SS.fff"
+                i, column.name, "is not a date", "Write YYYY-MM-DD HH:MM:SS.fff or MM/DD/YYYY HH:MM:SS.fff"
             )
     return np.array(found, dtype=np.float64), []
 
@@ -241,7 +241,7 @@ def _in_seconds(table: TextTable, column: Column, *, declared: bool) -> tuple[Ar
     whole = len(numbers) > 1 and not np.any(numbers % 1.0)
     if not declared and whole and np.median(np.diff(numbers)) >= _SLOW_S:
         raise DataError(
-            f"has whole numbers {np.median(np.diff(numbers)):g} apart: these are no seconds.",
+            f"has whole numbers {np.median(np.diff(numbers)):g} apart, which cannot be seconds.",
             do="Declare their unit in a map of the columns: time=t_s[ms], ...",
             file=table.path,
             key=column.name,
@@ -315,7 +315,7 @@ def read_export(path: Path, millimetres: float) -> PointExport:
         found = _point(text)
         if found is None:
             raise DataError(
-                "is no point: a name, then x, y and z.",
+                "is not a point: a name, then x, y and z.",
                 do="Export Cartesian coordinates, one point per line, names without blanks; comments begin with //.",
                 file=path,
                 line=number,

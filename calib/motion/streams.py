@@ -243,8 +243,8 @@ def _refuse_times(time: Array, name: str) -> None:
     span, period = float(time[-1] - time[0]), float(np.median(step))
     if span > _LONGEST_S or period < _SHORTEST_PERIOD_S:
         raise DataError(
-            f"lasts {span:.3g} s with a sample every {period:.3g} s: its times are not in the unit they are given in, "
-            "or its clock was set meanwhile.",
+            f"lasts {span:.3g} s with a sample every {period:.3g} s: the stated unit of its times is wrong, "
+            "or its clock was set during the recording.",
             do="Give the unit of the times in the map of the columns; cut the recording where the clock was set.",
             file=name,
         )

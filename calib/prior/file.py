@@ -87,7 +87,7 @@ def load_prior(path: Path) -> TypePrior:
     document = read_json(path)
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise DataError(
-            "is no prior of a type.",
+            "is not the prior of a type.",
             do=f'It must hold "format": "{FORMAT}". {_AGAIN}',
             file=path,
             key="format",
@@ -146,10 +146,12 @@ def _share(entry: Mapping[str, Any], path: Path) -> TypeParameter:
         raise DataError(f"is in the unit {unit!r}.", do=_AGAIN, file=path, key=key)
     for what, value in (("mean", centre), ("of_next", spread)):
         if not isinstance(value, int | float) or isinstance(value, bool) or not np.isfinite(value):
-            raise DataError(f"is {value!r}, no number.", do=_AGAIN, file=path, key=f"{key}.{what}")
+            raise DataError(
+                f"is {value!r}, but a finite number is needed.", do=_AGAIN, file=path, key=f"{key}.{what}"
+            )
     if spread <= 0.0:
         raise DataError(
-            f"is {spread:g}: no robot is known before it is measured.",
+            f"is {spread:g}, but the spread between robots must be above 0.",
             do=_AGAIN,
             file=path,
             key=f"{key}.of_next",
@@ -159,5 +161,10 @@ def _share(entry: Mapping[str, Any], path: Path) -> TypeParameter:
 
 def _count(value: Any, key: str, path: Path) -> int:
     if not isinstance(value, int) or isinstance(value, bool) or value < 0:
-        raise DataError(f"is {value!r}, no number of robots.", do=_AGAIN, file=path, key=key)
+        raise DataError(
+            f"is {value!r}, but a whole number of robots, 0 or more, is needed.",
+            do=_AGAIN,
+            file=path,
+            key=key,
+        )
     return value

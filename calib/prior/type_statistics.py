@@ -340,7 +340,7 @@ def _refuse_unlike(members: Sequence[TypeMember]) -> None:
         ):
             if not same:
                 raise DataError(
-                    f"is unlike {first.name} in this: models of one type alone can be learnt from.",
+                    f"is unlike {first.name} in this value, and only models of one type can be combined.",
                     do="Learn from the models of each type by themselves.",
                     file=m.path,
                     key=what,
@@ -356,7 +356,7 @@ def _refuse_unlike(members: Sequence[TypeMember]) -> None:
             if key in known:
                 raise DataError(
                     f"is the same robot as {known[key].name}: it would count twice.",
-                    do="Give one model a robot.",
+                    do="Give one model per robot.",
                     file=m.path,
                     key="device.serial",
                 )

@@ -222,7 +222,7 @@ def read_table(path: Path) -> DhTable:
     for (line, row), at in ((each, meanings["beta"]) for each in body if "beta" in meanings):
         if _cell(path, line, row, at, "beta").value != 0.0:
             raise DataError(
-                "has a beta (Hayati), which no robot file has: it is the nominal arm.",
+                "has a beta (Hayati), but a robot file describes the nominal arm, which has none.",
                 do="Give the maker's own numbers. The errors of one arm belong into a model (truepose identify).",
                 file=path,
                 line=line,
@@ -313,7 +313,7 @@ def _convention(table: DhTable, asked: Convention | None) -> Convention:
         return shown
     if asked is None:
         raise DataError(
-            "is not given: the same numbers are two different arms.",
+            "is not given: the same numbers describe a different arm in each convention.",
             do="Say --convention dh (standard: alpha and a lead to the next axis) or mdh (modified, Craig).",
             key="--convention",
         )

@@ -226,7 +226,7 @@ def estimate_of(entries: Any, model: ModelStructure, path: Path) -> Array:
         elif entry["unit"] != model.parameters[position].unit:
             what = f"is in {entry['unit']!r}, its effect in {model.parameters[position].unit!r}."
         elif not _is_number(value):
-            what = f"is {value!r}, no number."
+            what = f"is {value!r}, but a number is needed."
         else:
             values[name] = to_internal(float(value), entry["unit"])
             continue
@@ -333,7 +333,7 @@ def covariance_of(value: Any, count: int, path: Path) -> Array:
         array = numbers_of(value, (count, count), key, path)
     spread = np.sqrt(np.maximum(np.diag(array), 0.0))
     if np.any(np.diag(array) < 0.0) or np.any(np.abs(array) > 1.001 * np.outer(spread, spread) + 1e-30):
-        raise DataError("is no covariance.", do=_WRITE_AGAIN, file=path, key=key)
+        raise DataError("is not a covariance matrix.", do=_WRITE_AGAIN, file=path, key=key)
     return array
 
 

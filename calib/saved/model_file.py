@@ -475,7 +475,9 @@ def _robot(table: dict[str, Any], path: Path) -> Robot:
     plain = {key: tuple(value) if isinstance(value, list) else value for key, value in table.items()}
     counts = {len(plain[key]) for key in ("alpha", "a", "theta", "d", "lower", "upper")}
     if len(counts) != 1 or plain["convention"] not in ("mdh", "dh"):
-        raise DataError("is no robot.", do="Write the model again.", file=path, key="robot_table")
+        raise DataError(
+            "does not describe a robot.", do="Write the model again.", file=path, key="robot_table"
+        )
     joints = counts.pop()
     plain["external"] = tuple((link, name) for link, name in table.get("external", []))
     loads = parse_loads(table["loads"], joints, path)
@@ -490,7 +492,7 @@ def _holds_for(table: Any, robot: Robot, path: Path) -> dict[str, Any]:
     if approach is not None and (len(approach) != robot.joints or not set(approach) <= set(_SIDES)):
         raise DataError(
             f"is {approach!r}.",
-            do=f"Give one of {', '.join(_SIDES)} a joint.",
+            do=f"Give one of {', '.join(_SIDES)} per joint.",
             file=path,
             key="holds_for.approach",
         )

@@ -181,7 +181,7 @@ class LeftOpen:
         spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
         if np.any(np.abs(covariance) > 1.001 * np.outer(spread, spread) + 1e-30):
             raise DataError(
-                "is no covariance.", do="Write the model again.", file=path, key=f"{KEY}.covariance"
+                "is not a covariance matrix.", do="Write the model again.", file=path, key=f"{KEY}.covariance"
             )
         return cls(
             effects,

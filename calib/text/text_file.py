@@ -54,7 +54,7 @@ def read_bytes(path: Path, most: int = MOST_BYTES) -> bytes:
             data = file.read(most + 1)
         except OSError as error:  # a disk that fails; a file of the system that only looks ordinary
             raise DataError(
-                f"cannot be read ({error.strerror}).", do="Name another file, or look at the disk.", file=path
+                f"cannot be read ({error.strerror}).", do="Name another file, or check the disk.", file=path
             ) from error
     if len(data) > most:
         raise DataError(

@@ -105,7 +105,7 @@ def _whole(line: Any) -> bool:
 
 def _broken(path: Path, number: int) -> DataError:
     return DataError(
-        "is no line of a history of watches.",
+        "is not a line of a history of watches.",
         do="Remove the line, or name another file.",
         file=path,
         line=number,

@@ -76,7 +76,7 @@ def refuse_unlike(
     gone = missing(dataset)
     if gone and not missing_allowed:
         raise DataError(
-            f"lacks {_listed(gone)}: what only it shows would pass unseen.",
+            f"lacks {_listed(gone)}: a change that only they show would not be detected.",
             do="Measure again, or judge without with --allow-missing.",
             file=dataset.path,
             key="status",
@@ -251,8 +251,8 @@ def _same_sides(saved: CalibratedModel, dataset: Dataset) -> None:
         wrong = {"from below": -1.0, "from above": 1.0}.get(holds)
         if wrong is not None and np.any(side[:, k] == wrong):
             raise DataError(
-                f"approaches joint {k + 1} from both sides; the baseline only knows it {holds}, and play that was "
-                "always there would look new.",
+                f"approaches joint {k + 1} from both sides; the baseline only knows it {holds}, so that backlash "
+                "which was always there would look new.",
                 do="Calibrate with approach sides = 'both', or plan the watch for one side with --one-side.",
                 file=dataset.path,
                 key=f"approach{k + 1}",

@@ -102,7 +102,7 @@ def keep_up(
     shown = tuple(p for p in every if lengths[p.name] * sizes[p.name] > _SHOWN)
     if not shown:
         raise DataError(
-            f"shows nothing of {', '.join(e.label for e in thermal)}, by which the model follows its warmth.",
+            f"shows nothing of {', '.join(e.label for e in thermal)}, with which the model follows its temperature.",
             do="Measure at other poses, or when the arm is as warm as in production.",
             file=dataset.path,
         )
@@ -160,12 +160,13 @@ def _without_effect(seen: WhitenedReadings, rate: float, path: Path | None) -> D
         needed = "; these readings show that the arm has grown: thermal_growth (by the air) or warm_up (by the clock)"
     elif any(label.startswith("joint_step") for label in labels):
         joint = next(label for label in labels if label.startswith("joint_step")).partition(":")[2]
-        needed = f"; these readings look like thermal_joint:{joint}, or like a zero that was lost"
+        needed = f"; these readings look like thermal_joint:{joint}, or like a lost zero of that joint"
     else:
-        needed = f"; what these readings show is none: {', '.join(labels)}"
+        needed = f"; the effects in these readings are not thermal: {', '.join(labels)}"
     return DataError(
         f"has no thermal effect that could be updated{needed}.",
-        do="Calibrate from a cold start until the arm is warm, or over the range of the air, and diagnose.",
+        do="Measure a calibration from a cold start until the arm is warm, or over the range "
+        "of air temperatures. Use its model from 'truepose diagnose DATA.csv --model'.",
         file=path,
         key="effects",
     )
@@ -258,7 +259,7 @@ def cause_to_update(verdict: WatchVerdict) -> Cause:
     """
     if verdict.kind == "unchanged":
         raise DataError(
-            "nothing has changed: there is nothing to update.", do="Go on with the model.", file="--update"
+            "nothing has changed: there is nothing to update.", do="Keep using the model.", file="--update"
         )
     if verdict.kind == "unexplained":
         raise DataError(
@@ -268,14 +269,14 @@ def cause_to_update(verdict: WatchVerdict) -> Cause:
         )
     if (likeliest := verdict.causes[0][0]).label.partition(":")[0] in _PASSING:
         raise DataError(
-            f"the cause is {likeliest.label}, which passes: it is no property of the robot.",
+            f"the cause is {likeliest.label}, which is temporary and not a property of the robot.",
             do=likeliest.remedy,
             file="--update",
         )
     if verdict.apart:
         names = ", ".join(cause.label for cause, _ in verdict.causes)
         raise DataError(
-            f"the cause is one of {names}, which move the robot differently elsewhere.",
+            f"the cause is one of {names}, which predict different errors at other poses.",
             do="Measure again with more poses, or recalibrate.",
             file="--update",
         )

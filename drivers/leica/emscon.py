@@ -209,7 +209,7 @@ class EmsconTracker:
             raise NotReady(
                 f"the tracker uses reflector {number}, until now it was {self._reflector_first}",
                 raw=packet.raw,
-                what_to_do="Choose the reflector of before in the program of the tracker, then confirm.",
+                what_to_do="Choose the previous reflector in the program of the tracker, then confirm.",
             )
 
     def _reflector_number(self, wanted: str) -> int:

@@ -155,9 +155,9 @@ def _number(token: str, name: str, unit: str) -> str:
     if match and not _NUMBER.fullmatch(token) and _NUMBER.fullmatch(match[0]):
         raise InvalidEntry("unit", name, f"{token!r} is not in {unit}")
     if not _NUMBER.fullmatch(token):
-        raise InvalidEntry("text", name, f"{token!r} is no number")
+        raise InvalidEntry("text", name, f"{token!r} is not a number")
     if abs(float(token.replace(",", "."))) > _LARGEST:
-        raise InvalidEntry("text", name, f"{token} is larger than anything that can be meant")
+        raise InvalidEntry("text", name, f"{token} is too large to be a reading")
     return token
 
 

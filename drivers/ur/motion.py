@@ -300,7 +300,7 @@ class Motion:
                     self.halt()  # the stop may have overtaken the move: say it again
             if now > end:
                 return state, NotReached(
-                    f"not there within move_s = {seconds:.1f} s: program paused, or speed slider low?",
+                    f"target not reached within move_s = {seconds:.1f} s: program paused, or speed slider low?",
                     raw=state.shown,
                 )
 

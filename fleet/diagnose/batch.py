@@ -185,7 +185,7 @@ def _refuse_another(source: DatasetSource) -> None:
         raise DatasetMismatch(f"{source.name} cannot be read here: {error}") from error
     if now != source.hash:
         raise DatasetMismatch(
-            f"{source.name} is not the file that was listed: it has changed since, or is another here"
+            f"{source.name} has changed since it was listed, or is a different file on this computer"
         )
 
 
@@ -269,7 +269,7 @@ def work_off(
     if this_program() != order.expected:
         raise EngineGone(
             f"a worker runs TruePose {this_program()}, this is {order.expected}.",
-            do="Install the same there.",
+            do="Install the same version there.",
         )
     jobs = {order.job(source): source for source in sources}
     refused = twice = done = 0

@@ -106,7 +106,7 @@ def added(connection: sa.Connection, documents: Sequence[Document], rows: Sequen
             if taken[each.hash] != (each.kind, robots[each.robot]):
                 raise DataError(
                     f"is in the store already, as {taken[each.hash][0]} or of another robot.",
-                    do="Look from which record and robot it is, and send it as that.",
+                    do="Find out which record and robot it belongs to, and send it under these.",
                     file=f"{each.kind} {each.identity}",
                 )
             answers.append(AddResult(each.hash, "known", others))

@@ -58,7 +58,9 @@ def engine_of(url: str, *, forever: bool = False) -> sa.Engine:
         parsed = sa.make_url(url)
     except exc.ArgumentError as error:
         raise StoreError(
-            "is no address of a store.", do="Give sqlite:///FILE or postgresql://USER@HOST/NAME.", key="store"
+            "is not the address of a store.",
+            do="Give sqlite:///FILE or postgresql://USER@HOST/NAME.",
+            key="store",
         ) from error
     place = shown(parsed)
     kind = parsed.get_backend_name()
@@ -177,7 +179,7 @@ def _refusal(error: exc.DBAPIError, place: str) -> StoreError:
         )
     if any(mark in words for mark in _NO_DATABASE):
         return StoreError(
-            f"is no database, or a damaged one ({first}).",
+            f"is not a database, or is damaged ({first}).",
             do="Give another file, or the backup; documents are in the records of the cells still.",
             file=place,
         )

@@ -61,7 +61,9 @@ def rows_of(document: Document) -> Rows:
     table = parse_json(document.content, place)
     wanted = FORMATS.get(document.kind)
     if not isinstance(table, dict) or not isinstance(table.get("format"), str):
-        raise DataError("is no document of this program.", do="Send the file as it was written.", file=place)
+        raise DataError(
+            "is not a document of this program.", do="Send the file as it was written.", file=place
+        )
     if wanted is not None and table["format"] != wanted and (document.kind, table["format"]) not in _ALSO:
         raise DataError(
             f"is {table['format']!r}.",
@@ -189,7 +191,7 @@ def _effect(rank: int, entry: Mapping[str, Any]) -> dict[str, Any]:
 
 def _text(value: Any) -> str:
     if not isinstance(value, str):
-        raise TypeError(f"{value!r} is no text")
+        raise TypeError(f"{value!r} is not text")
     value.encode()  # JSON may hold half a letter, which no database takes
     return value.replace("\0", " ")[:_TEXT]
 
@@ -198,7 +200,7 @@ def _number(value: Any) -> float | None:
     if value is None:
         return None
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise TypeError(f"{value!r} is no number")
+        raise TypeError(f"{value!r} is not a number")
     return float(value)
 
 
@@ -220,7 +222,7 @@ def dataset_texts(content: bytes) -> tuple[str, str]:
     """
     found = parse_json(content, "data set")
     if not isinstance(found, dict) or found.get("format") != FORMAT:
-        raise DataError("is no data set of a store.", do=f'It must hold "format": "{FORMAT}".')
+        raise DataError("is not a data set of a store.", do=f'It must hold "format": "{FORMAT}".')
     table, header = found.get("table"), found.get("header")
     if not isinstance(table, str) or not isinstance(header, str):
         raise DataError("has no table or no header.", do="Send the data set again.")

@@ -118,7 +118,10 @@ def truepose(
     ] = False,
     overwrite: Annotated[
         bool,
-        typer.Option("--overwrite", help="Replace also files that truepose did not write; stands anywhere."),
+        typer.Option(
+            "--overwrite",
+            help="Replace also files that truepose did not write; may stand before or after the command.",
+        ),
     ] = False,
 ) -> None:
     """Calibrate an industrial robot, name what its model lacks, correct it and prove the gain."""

@@ -26,7 +26,8 @@ def conformance_command(
     driver: Annotated[
         str,
         typer.Argument(
-            metavar="DRIVER", help="As its package declares it; its bench comes with the package."
+            metavar="DRIVER",
+            help="Name of the driver, as its package declares it. The package must also contain its test bench.",
         ),
     ],
     json: options.Json = None,

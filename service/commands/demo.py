@@ -67,7 +67,9 @@ SIMULATION_TIMEOUT_S, BACK_DOOR_TIMEOUT_S = 120.0, 10.0
 
 @owner_only()
 def demo(
-    seed: Annotated[int, typer.Option(help="Draws the robot, its errors and the hidden effect.")] = 1,
+    seed: Annotated[
+        int, typer.Option(help="Seed of the random robot, its errors and the hidden effect.")
+    ] = 1,
     out: Annotated[
         Path, typer.Option(metavar="DIR", help="Folder for data, records, results and report.")
     ] = Path("demo-out"),
@@ -77,7 +79,8 @@ def demo(
     effect: Annotated[
         str | None,
         typer.Option(
-            metavar="LABEL", help="Hide this effect, e.g. backlash:j4, instead of one from the seed."
+            metavar="LABEL",
+            help="Effect to hide in the robot, e.g. backlash:j4. Default: one drawn from the seed.",
         ),
     ] = None,
     narrow: Annotated[
@@ -89,7 +92,11 @@ def demo(
         ),
     ] = False,
     in_memory: Annotated[
-        bool, typer.Option("--in-memory", help="No devices, no correction: diagnose a simulated data set.")
+        bool,
+        typer.Option(
+            "--in-memory",
+            help="Only diagnose a simulated data set, without simulated devices and correction.",
+        ),
     ] = False,
     json: options.Json = None,
 ) -> None:

@@ -35,7 +35,8 @@ app = typer.Typer(help="Keep the results of robots over the years: trends, cause
 Serial = Annotated[str, typer.Argument(metavar="SERIAL", help="Serial number of the robot.")]
 
 Model = Annotated[
-    str | None, typer.Option("--model", metavar="NAME", help="Its type, where several have that number.")
+    str | None,
+    typer.Option("--model", metavar="NAME", help="Type of the robot, if several have this serial number."),
 ]
 
 _RECORD = "record.sqlite3"
@@ -52,7 +53,7 @@ StoreOption = Annotated[
         metavar="URL",
         envvar=VARIABLE,
         show_envvar=False,
-        help=f"{_ADDRESS}; or in {VARIABLE}, which other users do not see. Default: {DEFAULT.as_posix()}.",
+        help=f"Address of the store, {_ADDRESS}. Passwords belong into {VARIABLE}. Default: {DEFAULT.as_posix()}.",
     ),
 ]
 
@@ -79,7 +80,9 @@ class Way(StrEnum):
 def add_command(
     files: Annotated[
         list[Path],
-        typer.Argument(metavar="FILE", help="Models, verdicts, diagnoses, data sets, folders of records."),
+        typer.Argument(
+            metavar="FILE", help="Model, verdict, diagnosis, data set or folder of a record; may be repeated."
+        ),
     ],
     store: StoreOption = None,
     cell: options.CellName = None,
@@ -148,7 +151,10 @@ def show_command(
 def retire_command(
     serial: Serial,
     because: Annotated[
-        str, typer.Option("--because", metavar="TEXT", help="Why, as 'controller exchanged, now 120-777'.")
+        str,
+        typer.Option(
+            "--because", metavar="TEXT", help="Reason, such as 'controller exchanged, now 120-777'."
+        ),
     ],
     store: StoreOption = None,
     model: Model = None,
@@ -173,13 +179,17 @@ def trend_command(
     parameter: Annotated[
         str | None,
         typer.Argument(
-            metavar="PARAMETER", help="Its name, as the model has it, or error_rms for the error."
+            metavar="PARAMETER",
+            help="Name of the parameter in the model, or error_rms for the position error. Default: all.",
         ),
     ] = None,
     store: StoreOption = None,
     model: Model = None,
     picture: Annotated[
-        Path | None, typer.Option("--picture", metavar="P.svg|P.png", help="Draw the trend with its limits.")
+        Path | None,
+        typer.Option(
+            "--picture", metavar="P.svg|P.png", help="File for a picture of the trend with its limits."
+        ),
     ] = None,
     json: options.Json = None,
 ) -> None:
@@ -220,29 +230,31 @@ def trend_command(
 def due_command(
     permitted: Annotated[
         float,
-        typer.Option("--permitted", metavar="MM", min=1e-6, help="Largest position error permitted, RMS."),
+        typer.Option("--permitted", metavar="MM", min=1e-6, help="Largest permitted position error, mm RMS."),
     ],
     store: StoreOption = None,
     method: Annotated[
         Way,
         typer.Option(
-            help="staircase (longer after good checks), or drift (before it exceeds the permitted error)."
+            help="Rule for the interval: staircase (longer after good checks), or drift (check before the "
+            "error is expected to exceed the permitted one)."
         ),
     ] = Way.staircase,
     first: Annotated[
-        float | None, typer.Option(min=1.0, help="Interval before anything is known; 180, of hours 2000.")
+        float | None, typer.Option(min=1.0, help="First interval. Default: 180 days, or 2000 h with --hours.")
     ] = None,
     shortest: Annotated[
-        float | None, typer.Option(min=1.0, help="Shortest interval; 7, of hours 100.")
+        float | None, typer.Option(min=1.0, help="Shortest interval. Default: 7 days, or 100 h with --hours.")
     ] = None,
     longest: Annotated[
-        float | None, typer.Option(min=1.0, help="Longest interval; 1825, of hours 20000.")
+        float | None,
+        typer.Option(min=1.0, help="Longest interval. Default: 1825 days, or 20000 h with --hours."),
     ] = None,
     hours: Annotated[
         Path | None,
         typer.Option(
             metavar="HOURS.csv",
-            help="Count in hours of use, not days: columns serial,at,hours (readings of the counters).",
+            help="Readings of the robots' counters, columns serial,at,hours: intervals in hours of use, not in days.",
         ),
     ] = None,
     json: options.Json = None,
@@ -276,12 +288,12 @@ def _documents(file: Path, cell: CellFolder) -> list[Document]:
     """
     if file.is_dir():
         if not (file / _RECORD).is_file():
-            raise DataError("is no record of a campaign.", do="Name a record, or files.", file=file)
+            raise DataError("is not the record of a campaign.", do="Name a record, or files.", file=file)
         found = read_record(file / _RECORD, cell)
         if not found:
             raise DataError(
                 "is the record of a campaign that has not succeeded.",
-                do=f"Go on with it: truepose campaign resume {file}",
+                do=f"Continue it with: truepose campaign resume {file}",
                 file=file,
             )
         return found
@@ -290,7 +302,7 @@ def _documents(file: Path, cell: CellFolder) -> list[Document]:
     found = read_data(file, cell) if file.suffix == ".csv" else read_result(file, cell)
     if not found:
         raise DataError(
-            "is no document of this program.",
+            "is not a document of this program.",
             do="Give models, verdicts of watches, diagnoses, data sets or records.",
             file=file,
         )

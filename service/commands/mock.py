@@ -20,17 +20,26 @@ CELL = "cell"
 
 
 def mock(
-    name: Annotated[str, typer.Argument(metavar="NAME", help=f"{', '.join(DEVICES)}, or '{CELL}'.")],
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="NAME",
+            help=f"Device to simulate, or '{CELL}' for all devices of CELL.toml. Devices: {', '.join(DEVICES)}.",
+        ),
+    ],
     cell: Annotated[
-        Path | None, typer.Argument(metavar="[CELL.toml]", help="All devices of this cell, for 'cell'.")
+        Path | None, typer.Argument(metavar="[CELL.toml]", help="Cell file, only after 'cell'.")
     ] = None,
     dialect: Annotated[
         str | None,
         typer.Option(
-            help="Of a device: 'open_abb', 'mappdk' (as fanucpy speaks), 'mbp1-plain'. Another name lists them."
+            help="Dialect of a device: 'open_abb', 'mappdk' (the one of fanucpy), 'mbp1-plain'. Any other "
+            "name lists them."
         ),
     ] = None,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Of the first device, 0 for a free one.")] = 0,
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Port of the first device, 0 for a free one.")
+    ] = 0,
 ) -> None:
     """Simulate devices until SIGTERM or SIGINT. Prints one JSON line per endpoint."""
     _refuse(name, cell)

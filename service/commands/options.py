@@ -23,31 +23,37 @@ from service.printed.terminal import Terminal
 from service.results.judgement.acceptance import NAMES, AcceptanceLimits, AcceptanceResult, read_zones
 
 Data = Annotated[
-    Path, typer.Argument(metavar="DATA.csv", help="Data set, with its header DATA.toml in the same folder.")
+    Path,
+    typer.Argument(metavar="DATA.csv", help="Data set; its header DATA.toml must be in the same folder."),
 ]
 Json = Annotated[
     str | None,
-    typer.Option("--json", metavar="FILE|-", help="Write the result for programs; '-' is standard output."),
+    typer.Option("--json", metavar="FILE|-", help="File for the result as JSON; '-' is standard output."),
 ]
 Report = Annotated[
-    Path | None, typer.Option("--report", metavar="report.html", help="Write a report in one file.")
+    Path | None, typer.Option("--report", metavar="report.html", help="File for the report (HTML).")
 ]
 Model = Annotated[
     Path | None,
-    typer.Option("--model", metavar="M.json", help="Save the model, to predict and correct with."),
+    typer.Option(
+        "--model", metavar="M.json", help="File for the model, with which other commands predict and correct."
+    ),
 ]
 Level = Annotated[
     int | None,
     typer.Option(
         min=1,
         max=3,
-        help="1 joints, 2 geometry, 3 geometry and gravity. Default: as [model] of the header states.",
+        help="Parameters to fit: 1 for joint zeros and scales, 2 for all geometry, 3 for geometry and "
+        "compliance under gravity. Default: as [model] in DATA.toml.",
     ),
 ]
 PriorFile = Annotated[
     Path | None,
     typer.Option(
-        "--prior", metavar="PRIOR.json", help="What robots of this type share, from 'truepose fleet learn'."
+        "--prior",
+        metavar="PRIOR.json",
+        help="Prior of the robot type: mean and spread of its parameters, from 'truepose fleet learn'.",
     ),
 ]
 SaveAnyway = Annotated[
@@ -62,7 +68,7 @@ AcceptRms = Annotated[
     typer.Option(
         "--accept-rms",
         metavar="MM",
-        help="Required RMS error on validation rows, judged with its uncertainty. Exit code 3 if it is not met.",
+        help="Required RMS error on validation rows, mm, judged with its uncertainty. Exit code 3 if it is not met.",
     ),
 ]
 AcceptMax = Annotated[
@@ -70,7 +76,8 @@ AcceptMax = Annotated[
     typer.Option(
         "--accept-max",
         metavar="MM",
-        help="Required largest error on validation rows, judged with its uncertainty. Exit code 3 if it is not met.",
+        help="Required largest error on validation rows, mm, judged with its uncertainty. Exit code 3 if "
+        "it is not met.",
     ),
 ]
 AcceptZones = Annotated[
@@ -78,23 +85,23 @@ AcceptZones = Annotated[
     typer.Option(
         "--accept-zones",
         metavar="ZONES.toml",
-        help="Boxes in the base frame with separate limits. Exit code 3 if one is not met.",
+        help="File of boxes in the base frame, each with its own limits. Exit code 3 if one is not met.",
     ),
 ]
 RobotFile = Annotated[
     Path | None,
-    typer.Option(
-        "--robot", metavar="FILE.toml", help="The robot's own file, which the model must agree with."
-    ),
+    typer.Option("--robot", metavar="FILE.toml", help="Robot file with which the model must agree."),
 ]
 LargestCorrection = Annotated[
     tuple[float, float],
     typer.Option(
-        metavar="DEG MM", help="A model that turns or shifts the flange by more than this is refused."
+        metavar="DEG MM",
+        help="Largest permitted turn and shift of the flange by the model, deg and mm; a larger one is refused.",
     ),
 ]
 CellName = Annotated[
-    str | None, typer.Option("--cell", metavar="NAME", help="Name of the cell (default: of this computer).")
+    str | None,
+    typer.Option("--cell", metavar="NAME", help="Name of the cell (default: the name of this computer)."),
 ]
 Serial = Annotated[
     str, typer.Option(metavar="SERIAL", help="Serial number of the robot, if its controller reports none.")
@@ -127,7 +134,11 @@ def read_model(path: Path, robot_file: Path | None, largest: tuple[float, float]
         The model cannot be used; the message names file, key or option.
     """
     if not all(0.0 < value < math.inf for value in largest):
-        raise DataError("is no bound.", do="Give DEG MM, above zero.", key="--largest-correction")
+        raise DataError(
+            "must be two numbers above zero.",
+            do="Give the largest turn in deg and the largest shift in mm: DEG MM.",
+            key="--largest-correction",
+        )
     return load_model(path, robot_file=robot_file, bounds=Bounds(*largest))
 
 

@@ -46,10 +46,10 @@ _ADDRESS = r"https?://\S+, process \d+\n"
 @owner_only()
 def serve(
     cell: Annotated[
-        Path | None, typer.Option(metavar="CELL.toml", help="The cell; without it nothing can be measured.")
+        Path | None, typer.Option(metavar="CELL.toml", help="Cell file; without it nothing can be measured.")
     ] = None,
     simulate: Annotated[bool, typer.Option("--simulate", help="Measure with the cell's simulators.")] = False,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="0: a free one.")] = 0,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on, 0 for a free one.")] = 0,
     record: Annotated[Path, typer.Option(metavar="DIR", help="Folder for all files of the service.")] = Path(
         "truepose-record"
     ),
@@ -58,8 +58,8 @@ def serve(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="File that keeps the operator's token and, in its second line, the viewer's; it is made where it is "
-            f"not there. Else {VARIABLE}, or new ones at every start, in DIR/{NAME}.",
+            help="File with the operator's token and, in its second line, the viewer's; it is made if it "
+            f"does not exist. Default: the tokens in {VARIABLE}, or new ones at every start, in DIR/{NAME}.",
         ),
     ] = None,
     store: Annotated[
@@ -75,7 +75,7 @@ def serve(
         typer.Option(
             metavar="MM",
             min=1e-6,
-            help="Largest position error permitted, RMS: dates of the next checks go by it.",
+            help="Largest permitted position error, mm RMS, from which the dates of the next checks are computed.",
         ),
     ] = None,
     mqtt: Annotated[

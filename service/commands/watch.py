@@ -31,11 +31,16 @@ from service.results.watched import WatchRequest, watch_result
 
 app = typer.Typer(help="Check with a few poses whether a robot has changed.")
 
-Baseline = Annotated[Path, typer.Argument(metavar="MODEL.json", help="The model of the calibration.")]
+Baseline = Annotated[
+    Path, typer.Argument(metavar="MODEL.json", help="Baseline: the model of the calibration.")
+]
 Rate = Annotated[
     float,
     typer.Option(
-        "--false-alarms", min=1e-4, max=0.2, help="Share of watches of an unchanged robot that alarm."
+        "--false-alarms",
+        min=1e-4,
+        max=0.2,
+        help="Share of watches of an unchanged robot that raise an alarm.",
     ),
 ]
 HistoryFile = Annotated[
@@ -43,7 +48,7 @@ HistoryFile = Annotated[
     typer.Option(
         "--history",
         metavar="H.jsonl",
-        help="File of earlier watches: averaged with this one, which is added.",
+        help="File of earlier watches, with which this one is averaged and to which it is added.",
     ),
 ]
 Update = Annotated[
@@ -51,19 +56,17 @@ Update = Annotated[
     typer.Option(
         "--update",
         metavar="OUT.json",
-        help="Write the model with the change in it, if its cause is known.",
+        help="File for the model with the change in it, written if its cause is known.",
     ),
 ]
 NewFrame = Annotated[
     bool,
     typer.Option(
         "--new-frame",
-        help="The instrument was moved: fit its frame again. A moved base is then not detected.",
+        help="Fit the frame of the instrument again because it was moved. A moved base is then not detected.",
     ),
 ]
-AllowMissing = Annotated[
-    bool, typer.Option("--allow-missing", help="Judge although check poses are missing.")
-]
+AllowMissing = Annotated[bool, typer.Option("--allow-missing", help="Judge even if check poses are missing.")]
 RunningS = Annotated[
     float | None,
     typer.Option(
@@ -79,11 +82,11 @@ RunningS = Annotated[
 @app.command("plan")
 def plan_command(
     model: Baseline,
-    cell: Annotated[Path, typer.Argument(metavar="CELL.toml", help="The cell.")],
+    cell: Annotated[Path, typer.Argument(metavar="CELL.toml", help="Cell file.")],
     out: Annotated[
         Path, typer.Option("--out", metavar="CAMPAIGN.toml", help="File for the campaign of check poses.")
     ],
-    poses: Annotated[int, typer.Option(min=1, help="Poses to visit.")] = 10,
+    poses: Annotated[int, typer.Option(min=1, help="Number of check poses.")] = 10,
     targets: Annotated[
         str | None,
         typer.Option(metavar="NAMES", help="Targets measured at every pose (default: all of the cell)."),
@@ -91,7 +94,11 @@ def plan_command(
     candidates: Annotated[
         int,
         typer.Option(
-            "--candidates", "--from", min=1, max=20_000, help="Random poses from which they are chosen."
+            "--candidates",
+            "--from",
+            min=1,
+            max=20_000,
+            help="Number of random poses from which the check poses are chosen.",
         ),
     ] = 800,
     offset_deg: Annotated[
@@ -101,12 +108,15 @@ def plan_command(
             "--offset-deg",
             min=0.1,
             max=30.0,
-            help="Length of the last move of every joint, deg.",
+            help="Length of the last move of every joint to a pose, deg.",
         ),
     ] = 5.0,
     one_side: Annotated[
         bool,
-        typer.Option("--one-side", help="Approach every joint from below only: backlash is then not seen."),
+        typer.Option(
+            "--one-side",
+            help="Approach every pose with all joints from below only: backlash is then not detected.",
+        ),
     ] = False,
     rounds: Annotated[
         int | None,
@@ -114,13 +124,17 @@ def plan_command(
             "--visits",
             min=1,
             max=20,
-            help="Visits to each pose, alternately from opposite sides (default: the fewest that detect every cause).",
+            help="Number of visits to each pose, alternately from opposite sides (default: the fewest "
+            "that detect every cause).",
         ),
     ] = None,
     repeats: Annotated[
         int | None,
         typer.Option(
-            "--readings", min=1, max=100, help="Readings of each target in a visit (default: as --visits)."
+            "--readings",
+            min=1,
+            max=100,
+            help="Number of readings of each target per visit (default: the fewest that detect every cause).",
         ),
     ] = None,
     touch: Annotated[
@@ -128,7 +142,7 @@ def plan_command(
         typer.Option(
             "--touch",
             metavar="BALLS",
-            help="Three or four balls of the cell that a person touches with one target.",
+            help="Names of three or four balls of the cell that a person touches with one target.",
         ),
     ] = None,
     touch_mm: Annotated[
@@ -138,7 +152,8 @@ def plan_command(
         bool,
         typer.Option(
             "--new-frame",
-            help="The instrument or artefact is set up again each time: a moved base is not detected.",
+            help="Plan for an instrument or artefact that is set up again each time. A moved base is then "
+            "not detected.",
         ),
     ] = False,
     rate: Rate = RATE,
@@ -187,8 +202,10 @@ def plan_command(
 @app.command("run")
 def run_command(
     model: Baseline,
-    cell: Annotated[Path, typer.Argument(metavar="CELL.toml", help="The cell.")],
-    campaign: Annotated[Path, typer.Argument(metavar="CAMPAIGN.toml", help="The check poses.")],
+    cell: Annotated[Path, typer.Argument(metavar="CELL.toml", help="Cell file.")],
+    campaign: Annotated[
+        Path, typer.Argument(metavar="CAMPAIGN.toml", help="Campaign file of the check poses.")
+    ],
     record: Annotated[
         Path, typer.Option("--record", metavar="DIR", help="New folder for the durable record.")
     ],
@@ -280,7 +297,7 @@ def upkeep_command(
     update: Annotated[
         Path | None,
         typer.Option(
-            "--update", metavar="OUT.json", help="Write the model with its thermal parameters updated."
+            "--update", metavar="OUT.json", help="File for the model with updated thermal parameters."
         ),
     ] = None,
     rate: Rate = RATE,

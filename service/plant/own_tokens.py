@@ -64,7 +64,9 @@ class OwnToken:
             raise DataError(f"is {self.role!r}.", do="Give cell or viewer.", key="role")
         name = self.name
         if not name.strip() or name != name.strip() or len(name) > LONGEST or not name.isprintable():
-            raise DataError(f"{name!r} is no name.", do=f"Give {LONGEST} letters at most.", key="name")
+            raise DataError(
+                f"{name!r} is not a usable name.", do=f"Give {LONGEST} letters at most.", key="name"
+            )
         if self.robots and self.role != "cell":
             raise DataError(
                 "goes with the role cell: a viewer reads of all.", do="Leave it out.", key="--robot"
@@ -101,7 +103,9 @@ def read_tokens(file: Path) -> list[OwnToken]:
     table = parse_json(read_secret(file, "see who may send").encode(), file)
     if not isinstance(table, dict) or table.get("format") != FORMAT:
         raise DataError(
-            f"is no {FORMAT}.", do="Make one: truepose fleet token add NAME --file FILE", file=file
+            f"is not a file of the format {FORMAT}.",
+            do="Make one: truepose fleet token add NAME --file FILE",
+            file=file,
         )
     try:
         return [

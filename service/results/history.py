@@ -70,7 +70,7 @@ def robot_of(store: FleetStore, serial: str, model: str | None) -> RobotKey:
     if not found:
         raise DataError(
             f"has nothing of a robot '{serial}'.",
-            do="truepose history robots lists those it has.",
+            do="truepose history robots lists the robots of the store.",
             file=store.place,
         )
     if len(found) > 1:
@@ -420,7 +420,7 @@ def read_hours(path: Path) -> Hours:
             moment, count = datetime.fromisoformat(at), float(hours)
         except ValueError as error:
             raise DataError(
-                f"is no reading of a counter ({error}).",
+                f"is not a reading of a counter ({error}).",
                 do="Write e.g. 120-4711,2026-03-02,1840.",
                 file=path,
                 line=line,

@@ -211,7 +211,7 @@ def put(address: str, name: str, content: bytes, header: bytes | None, cell: Cel
             raise DataError(error.what, do=error.do, file=place, line=error.line, key=error.key) from error
     if not found:
         raise DataError(
-            "is no document that a history keeps.",
+            "is not a document that a history keeps.",
             do="Send a model, the verdict of a watch, a diagnosis or a thermal update as it was written, or a "
             "data set: its CSV as the file and its header as toml.",
             file=name,

@@ -318,7 +318,11 @@ def _targets(cell: Cell, asked: WatchPlanRequest) -> tuple[str, ...]:
             key="--touch",
         )
     if asked.touch and len(targets) != 1:
-        raise DataError("one ball of the tool touches.", do="Name it: --targets T1.", key="--targets")
+        raise DataError(
+            "must name one target: the ball of the tool that touches.",
+            do="Name it: --targets T1.",
+            key="--targets",
+        )
     if asked.touch and not 3 <= len(asked.touch) <= 4:
         raise DataError(f"names {len(asked.touch)} balls.", do="Name three or four.", key="--touch")
     if not asked.touch and cell.instrument.declared.measures_lengths and asked.targets is not None:
@@ -390,8 +394,8 @@ def _refuse_one_sided(saved: CalibratedModel, model: Path, *, both: bool) -> Non
     sides = saved.holds_for.get("approach") or ()
     if both and any(side != "both sides" for side in sides):
         raise DataError(
-            "was calibrated with joints that came from one side only: play that was always there would look new.",
-            do="Calibrate with approach sides = 'both', or plan with --one-side: play is not seen then.",
+            "was calibrated with joints that came from one side only: backlash that was always there would look new.",
+            do="Calibrate with approach sides = 'both', or plan with --one-side: backlash is then not detected.",
             file=model,
             key="holds_for.approach",
         )
@@ -494,7 +498,7 @@ def touched_files(
     """
     if out.suffix != ".csv":
         raise DataError(
-            "is no data set: a touched artefact is written down, not driven.",
+            "is not the name of a data set. A plan with --touch is a table that a person fills, not a campaign.",
             do="Name a .csv file.",
             file=out,
             key="--out",

@@ -160,7 +160,7 @@ def holds(scene: Scene, *attempts: tuple[str, str]) -> None:
 def left(after: int) -> tuple[str, str]:
     """The attempt at a path that was left."""
     where = f"after waypoint {after} of {len(WAYPOINTS)}"
-    return "failed", f"the path was left {where}; its streams are incomplete"
+    return "failed", f"the robot left its path {where}, so the recordings of this path are incomplete"
 
 
 def goes_on(scene: Scene, *before: tuple[str, str]) -> None:

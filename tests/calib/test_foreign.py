@@ -250,9 +250,9 @@ def test_a_map_for_another_file_is_refused_with_what_differs(tmp_path: Path) -> 
     [
         ('x = "X [mm][mm]"', 'x = "?"', r"undecided: '\?' stands at file 1: columns.x"),
         ('x = "X [mm][mm]"', 'x = "X [mm][deg]"', r"gives x the unit 'deg'"),
-        ('x = "X [mm][mm]"', 'x = "X [mm][m]"', r"span .* no robot is measured so"),
+        ('x = "X [mm][mm]"', 'x = "X [mm][m]"', r"span .* cannot be measured points"),
         ('x = "X [mm][mm]"', 'x = "X"', r"Write the name of the column and the unit"),
-        ('x = "X [mm][mm]"', 'xx = "X [mm][mm]"', r"is no quantity"),
+        ('x = "X [mm][mm]"', 'xx = "X [mm][mm]"', r"is not a quantity"),
         ('j1 = "J1 [deg][deg]"\n', "", r"has the joints j2_deg"),
         ('robot = "abb-irb120"', 'robot = "ur10"\nrobots = "x"', r"robots|ur10"),
         ('decimal = "."', 'decimal = ","', r"is '[-0-9.]+', not a number"),

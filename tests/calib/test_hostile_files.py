@@ -379,7 +379,7 @@ LINE = {
 def test_a_line_of_a_history_that_is_none_is_refused_by_its_number(text: str, tmp_path: Path) -> None:
     file = tmp_path / "history.jsonl"
     file.write_text(f"{json.dumps(LINE)}\n\n{text}\n", "utf-8")
-    with pytest.raises(DataError, match="is no line of a history of watches") as refused:
+    with pytest.raises(DataError, match="is not a line of a history of watches") as refused:
         read_history(file)
     assert refused.value.line == 3
 

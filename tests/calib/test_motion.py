@@ -378,7 +378,7 @@ BAD = {
     ),
     "milliseconds as seconds": (
         lambda m: replace(m, robot_time=m.robot_time * 1e6),
-        "lasts .* its times are not in the unit",
+        "lasts .* the stated unit of its times is wrong",
     ),
     "a robot that never stands still": (never_still, "never stands still: .* never slower than 2 mm/s"),
     "too few samples": (

@@ -65,9 +65,9 @@ def test_time_stamps_of_points(tmp_path: Path, first: str, second: str) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("A::P::1, 1.0, 2.0\n", "line 5: is no point"),
-        ("A, B, C, D, 1.0, 2.0, 3.0\n", "line 5: is no point"),
-        ("A 1.0 nan 2.0\n", "line 5: is no point"),
+        ("A::P::1, 1.0, 2.0\n", "line 5: is not a point"),
+        ("A, B, C, D, 1.0, 2.0, 3.0\n", "line 5: is not a point"),
+        ("A 1.0 nan 2.0\n", "line 5: is not a point"),
         ("", "holds no points"),
         (
             "p 1.0 2.0 3.0 2026-11-22 08:15:30\nq 1.0 2.0 3.0\n",

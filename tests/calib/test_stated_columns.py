@@ -113,5 +113,5 @@ def test_an_answer_about_a_column_is_divided_at_its_last_mark() -> None:
         "2.column.": "y",
         "status": "ok=1",
     }
-    with pytest.raises(DataError, match="is no answer"):
+    with pytest.raises(DataError, match="is not an answer"):
         answers_of(["column.x="], "--answer")

@@ -178,7 +178,7 @@ def test_a_stop_in_the_middle_of_a_path(simulated: SimulatedDevices, tmp_path: P
             run.folder, "SELECT status, error FROM attempt WHERE id IN (SELECT attempt FROM chunk)"
         )
         assert status == "failed"
-        assert "left after waypoint 3 of 9" in str(error)
+        assert "left its path after waypoint 3 of 9" in str(error)
         path = run.status().path
         assert path is not None
         assert (path["waypoint"], path["of"]) == (3, WAYPOINTS)

@@ -191,8 +191,8 @@ def test_a_file_that_cannot_be_used_lets_nobody_in(
     ("words", "why"),
     [
         (["add", "hall 7"], "has a token"),
-        (["add", " "], "is no name"),
-        (["add", "a\nb"], "is no name"),
+        (["add", " "], "is not a usable name"),
+        (["add", "a\nb"], "is not a usable name"),
         (["add", "hall 8", "--robot", "irb120"], "TYPE:SERIAL"),
         (["add", "office", "--role", "viewer", *NAMED], "a viewer reads of all"),
         (["allow", "hall 7"], "is missing"),

@@ -85,7 +85,7 @@ def test_a_batch_is_kept_whole_or_not_at_all(store: FleetStore) -> None:
     ("content", "said"),
     [
         (b"\xff\xfe", "model record"),
-        (b"[1, 2]", "is no document"),
+        (b"[1, 2]", "is not a document"),
         (b'{"format": "truepose-model/3", "parameters": []}', "truepose-model/3"),
         (b'{"format": "truepose-model/1"}', "damaged"),
         (

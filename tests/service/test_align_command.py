@@ -201,7 +201,7 @@ def test_what_cannot_be_asked_is_refused(
 ) -> None:
     out = tmp_path / "out.csv"
     for options, message in (
-        (("--tool", "nan", "0", "0"), "'--tool': is no point on a tool"),
+        (("--tool", "nan", "0", "0"), "'--tool': is not a point on a tool"),
         (("--slower-than", "0"), "'--slower-than': is 0"),
         (("--holdout", "1"), "'--holdout': is 1"),
         (("--coupling", "fanuc-j23"), "'--coupling': is 'fanuc-j23'. Use none"),
@@ -211,8 +211,11 @@ def test_what_cannot_be_asked_is_refused(
             "'--robot-columns': 'time' cannot be read. Write quantity=column[unit]",
         ),
         (("--tracker-columns", "time=t_s[h]"), "'--tracker-columns': gives time the unit 'h'"),
-        (("--tracker-columns", "spatial-analyzer[mm]"), "tracker.csv, line 1: is no point"),
-        (("--tracker-columns", "time=t_s[date],x=x_mm[mm],y=y_mm[mm],z=z_mm[mm]"), "column 't_s' is no date"),
+        (("--tracker-columns", "spatial-analyzer[mm]"), "tracker.csv, line 1: is not a point"),
+        (
+            ("--tracker-columns", "time=t_s[date],x=x_mm[mm],y=y_mm[mm],z=z_mm[mm]"),
+            "column 't_s' is not a date",
+        ),
     ):
         assert message in refused(capsys, folder, out, *options)
     align(folder, folder / "robot.csv", code=2)

@@ -91,4 +91,4 @@ def test_the_report_sets_the_preliminary_model_beside_nominal_and_final(
     assert means["nominal robot"] > means["preliminary (stage 1)"] > means["identified"]
     assert "n within 200 mm" in section
     assert main(["identify", legs, "--preliminary", str(folder / "one.json")]) == 2
-    assert "'--preliminary': is shown in a report" in capsys.readouterr().err
+    assert "'--preliminary': is used only in a report" in capsys.readouterr().err

@@ -114,7 +114,7 @@ def test_without_a_date_there_is_no_certificate_and_no_work_in_vain(
 def test_whose_it_is_without_a_certificate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "about.toml").write_text(ABOUT, "utf-8")
     assert main(["identify", "data.csv", "--dcc-about", str(tmp_path / "about.toml")]) == 2
-    assert "'--dcc-parties': is stated in a certificate" in " ".join(capsys.readouterr().err.split())
+    assert "'--dcc-parties': is used only in a certificate" in " ".join(capsys.readouterr().err.split())
 
 
 @pytest.mark.parametrize(

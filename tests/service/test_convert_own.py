@@ -109,14 +109,14 @@ def test_at_a_terminal_the_questions_are_asked(tmp_path: Path, monkeypatch: pyte
     [
         (["--robot", "ur10", "--out", "{new}.csv"], r"not of the robot ur10: they fit abb-irb120.* --robot"),
         (["--robot", ROBOT, "--answer", "rotations=x"], r"answers 'rotations', which nothing asks"),
-        (["--robot", ROBOT, "--answer", "rotation"], r"'rotation' is no answer. Write KEY=CHOICE"),
+        (["--robot", ROBOT, "--answer", "rotation"], r"'rotation' is not an answer. Write KEY=CHOICE"),
         (["--robot", "nobody"], r"nobody"),
         (["--robot", ROBOT, "--out", "{new}"], r"Let it end in \.csv"),
         (["--robot", ROBOT, "--out", "{file}"], r"would be written over"),
         (["--robot", ROBOT, "--propose", "{file}"], r"would be written over"),
         (["--map", "{file}"], r"--out: is missing"),
-        (["--map", "{file}", "--robot", ROBOT, "--out", "{new}.csv"], r"holds all answers"),
-        (["--from", "ipa-ur10", "--robot", ROBOT], r"takes no map and no answers"),
+        (["--map", "{file}", "--robot", ROBOT, "--out", "{new}.csv"], r"contains all answers"),
+        (["--from", "ipa-ur10", "--robot", ROBOT], r"takes neither a map nor answers"),
     ],
 )
 def test_what_cannot_be_meant_is_refused_and_leaves_nothing(

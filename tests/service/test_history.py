@@ -319,7 +319,7 @@ def test_one_serial_number_of_two_types(
         (("trend", SERIAL, "--picture", "p.svg"), "picture of one parameter"),
         (("trend", SERIAL, "d1", "--picture", "p.gif"), ".svg or .png"),
         (("add", "missing.json"), "there is no such file"),
-        (("add", "."), "is no record"),
+        (("add", "."), "is not the record"),
         (("due", "--permitted", "0.3", "--first", "5"), "shortest"),
     ],
 )

@@ -74,7 +74,7 @@ def test_a_diagnosis_takes_the_options_of_the_command(service: Served, data: Pat
         "id"
     ]
     refused = service.until(f"/diagnoses/{job}", "succeeded", "failed")["problem"]
-    assert "is no prior of a type" in refused["detail"]
+    assert "is not the prior of a type" in refused["detail"]
     job = service.client.post("/identifications", json={"dataset_id": ids[0], "level": 1}).json()["id"]
     found = service.until(f"/identifications/{job}", "succeeded", "failed")["result"]
     assert not any(each["name"].startswith("alpha") for each in found["parameters"])
@@ -166,7 +166,7 @@ def test_a_file_of_another_program_is_uploaded_with_its_map(service: Served, tmp
         ("../../robot.toml", 1, "names a file, which was not sent with it"),
         (ROBOT, 2, "is for 1 files, and 2 are given"),
         (ROBOT, 3, "files"),
-        ("", 1, "is not made as the file for which the map map.toml was made"),
+        ("", 1, "differs from the file for which the map map.toml was made"),
     ],
 )
 def test_what_converting_refuses_is_refused(

@@ -167,7 +167,7 @@ def test_what_cannot_be_learnt_from_or_used_is_refused(
         (["fleet", "learn", *models, models[0], *out], "count twice"),
         (["fleet", "learn", str(prior), *out], "is not a model file"),
         (["fleet", "learn", *models, "--out", models[0]], "which is read"),
-        (["identify", str(folder / "data.csv"), "--prior", models[0]], "is no prior of a type"),
+        (["identify", str(folder / "data.csv"), "--prior", models[0]], "is not the prior of a type"),
         (["identify", str(folder / "data.csv"), "--prior", str(tmp_path / "none.json")], "none.json"),
         (
             ["identify", str(folder / "data.csv"), "--level", "2", "--prior", str(prior)],

@@ -134,7 +134,7 @@ def test_what_a_column_is_said_to_be_goes_into_the_map(client: TestClient, tmp_p
         ("../../robot.toml", (), "is '../../robot.toml'"),
         ("", ("robot=/etc/passwd",), "is '/etc/passwd'"),
         (ROBOT, ("rotations=x",), "answers 'rotations', which nothing asks"),
-        (ROBOT, ("rotation",), "'rotation' is no answer"),
+        (ROBOT, ("rotation",), "'rotation' is not an answer"),
         (ROBOT, ("sigma_mm=much",), "'much' is no number above 0"),
         (ROBOT, ("sigma_mm=nan",), "'nan' is no number above 0"),
         (ROBOT, ("column.Pos. X [mm]=width",), "is none of the answers"),
@@ -157,12 +157,12 @@ COLUMNS = ",".join(f"c{k}" for k in range(1_000_000))
 HOSTILE: dict[str, tuple[str, bytes, str]] = {
     "a million columns": ("a.csv", f"{COLUMNS}\n{COLUMNS}".encode(), "characters"),
     "two thousand columns": ("a.csv", b",".join([b"1"] * 2000) + b"\n", "columns"),
-    "not text": ("a.csv", bytes(range(256)) * 4000, "is no text"),
-    "zero bytes": ("a.csv", b"J1,J2,X\n1,2,\x003\n" * 50, "is no text"),
+    "not text": ("a.csv", bytes(range(256)) * 4000, "is not a text file"),
+    "zero bytes": ("a.csv", b"J1,J2,X\n1,2,\x003\n" * 50, "is not a text file"),
     "nothing": ("a.csv", b"", "holds no table"),
     "words": ("a.txt", "grüß Gott\n".encode("latin-1") * 1000, "holds no table"),
     "an open quote": ("a.csv", b'"' + b"a" * 3_000_000, "characters"),
-    "no workbook": ("a.xlsx", b"PK\x03\x04" + b"\0" * 1000, "is no workbook"),
+    "no workbook": ("a.xlsx", b"PK\x03\x04" + b"\0" * 1000, "is not a workbook"),
     "a bad name": ("../../\x01" + "𠀀" * 300 + "/..\\" + "x" * 300 + ".csv", b"x", "holds no table"),
 }
 

@@ -59,5 +59,5 @@ def test_what_converting_refuses_is_refused(tmp_path: Path) -> None:
         truepose.read(files[0], {"robot": ROBOT}, map=map_file)
     with pytest.raises(DataError, match="several files need a map"):
         truepose.read([files[0], other])
-    with pytest.raises(DataError, match="goes with names of files"):
+    with pytest.raises(DataError, match="can be used with names of files only"):
         truepose.read(truepose.read(tmp_path / "out.csv").readings, map=map_file)

@@ -47,7 +47,8 @@ class Attitudes:
         off_deg = float(np.degrees((first.inv() * mounted).magnitude()))
         if off_deg > WITHIN_DEG:
             raise TurnedOtherwise(
-                f"{reading.target} is turned by {off_deg:.0f} deg from where the first pose of it says it should be",
+                f"{reading.target} is turned by {off_deg:.0f} deg from the orientation that its first measured pose "
+                "predicts",
                 device="instrument",
                 command=f"measure {reading.target}",
                 raw=reading.raw,

@@ -60,7 +60,8 @@ class PathDrive:
                     self._record_waypoint(recorder, attempt, reached, len(waypoints) + 1)
         except (Pausing, Stopping):
             left = MotionStopped(
-                f"the path was left after waypoint {reached} of {len(waypoints) + 1}; its streams are incomplete",
+                f"the robot left its path after waypoint {reached} of {len(waypoints) + 1}, so the "
+                "recordings of this path are incomplete",
                 device="robot",
                 command="path",
             )

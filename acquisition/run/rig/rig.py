@@ -476,7 +476,7 @@ def _not_stopped(role: str, error: AcquisitionError, *, lost: bool) -> Acquisiti
         return error
     if not lost:
         return error
-    return LinkLost("is not connected: it did not hear the stop", device=error.device, what_to_do=PRESS)
+    return LinkLost("is not connected, so it did not receive the stop", device=error.device, what_to_do=PRESS)
 
 
 def until_still(position: Callable[[], JointReading], wait: Callable[[float], None]) -> JointReading:

@@ -67,11 +67,13 @@ def refuse_bomb(data: bytes, path: Path) -> None:
     except DataError:
         raise
     except UNREADABLE as error:
-        raise DataError("is no workbook.", do="Save it as .xlsx, or export it as CSV.", file=path) from error
+        raise DataError(
+            "is not a workbook.", do="Save it as .xlsx, or export it as CSV.", file=path
+        ) from error
 
 
 def _too_large(path: Path, what: str) -> DataError:
-    return DataError(f"{what}.", do="Export the sheet as CSV, or leave what is not the table out.", file=path)
+    return DataError(f"{what}.", do="Export the sheet as CSV, or remove everything but the table.", file=path)
 
 
 class _Count:

@@ -220,7 +220,9 @@ def _text(path: Path) -> tuple[str, tuple[str, ...]]:
         if len(half) > 20 and half[offset::2].count(0) > 0.8 * len(half[offset::2]):
             return _decode(data, name, path), ("is UTF-16 without its mark",)
     if b"\0" in data:
-        raise DataError("is no text.", do="Export it as text (CSV) or as a workbook (.xlsx).", file=path)
+        raise DataError(
+            "is not a text file.", do="Export it as text (CSV) or as a workbook (.xlsx).", file=path
+        )
     try:
         data.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -232,5 +234,7 @@ def _decode(data: bytes, encoding: str, path: Path) -> str:
     try:
         text = data.decode(encoding)
     except UnicodeDecodeError as error:
-        raise DataError(f"is no text in {encoding}.", do="Save it as UTF-8.", file=path) from error
+        raise DataError(
+            f"is not text in the encoding {encoding}.", do="Save it as UTF-8.", file=path
+        ) from error
     return text.replace("\r\n", "\n").replace("\r", "\n").lstrip("\ufeff")

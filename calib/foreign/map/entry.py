@@ -125,14 +125,14 @@ def refuse_angles(joints: Array, columns: Sequence[Column], file: str) -> None:
     largest = np.abs(joints[:, turning]).max(axis=0)
     if all(columns[k].unit == "deg" for k in turning) and largest.max() / DEG <= LARGE_DEG:
         raise DataError(
-            f"no joint exceeds {largest.max() / DEG:.3f} where degrees are meant: these can only be radians.",
+            f"no joint exceeds {largest.max() / DEG:.3f}, but the map says degrees: these can only be radians.",
             do="Write [rad] for the joints in the map.",
             file=file,
         )
     for size, k in zip(largest, turning, strict=True):
         if columns[k].unit == "rad" and size > MOST_RAD:
             raise DataError(
-                f"column '{columns[k].name}' holds {size:.0f} where radians are meant: these can only be degrees.",
+                f"column '{columns[k].name}' holds {size:.0f}, but the map says radians: these can only be degrees.",
                 do="Write [deg] in the map.",
                 file=file,
             )
@@ -144,8 +144,8 @@ def refuse_points(points: Array, columns: Sequence[Column], file: str) -> None:
     extent = float(np.ptp(whole, axis=0).max()) if len(whole) >= FEW else 0.0
     if extent and not SMALL_MM <= extent <= HUGE_MM:
         raise DataError(
-            f"columns {', '.join(c.name for c in columns)} as {columns[0].unit} span {extent:.4g} mm: no "
-            f"robot is measured so.",
+            f"columns {', '.join(c.name for c in columns)} as {columns[0].unit} span {extent:.4g} mm, "
+            "which cannot be measured points of a robot.",
             do="Correct the unit in the map: [mm], [m], [in], [um].",
             file=file,
         )

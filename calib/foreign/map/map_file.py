@@ -220,7 +220,7 @@ def _file(table: TomlTable) -> FileMap:
     for quantity in columns.values:
         if not is_quantity(quantity):
             raise columns.refuse(
-                quantity, "is no quantity.", "There are j1 .., x, y, z and those of docs/files.md."
+                quantity, "is not a quantity.", "There are j1 .., x, y, z and those of docs/files.md."
             )
     for group in _TOGETHER:
         if len(missing := [quantity for quantity in group if quantity not in columns.values]) not in (
@@ -282,7 +282,7 @@ def refuse_other(each: FileMap, layout: Layout, map_path: Path | str) -> None:
         return
     differs = [f"lacks {_some(missing)}"] * bool(missing) + [f"has {_some(new)} besides"] * bool(new)
     raise DataError(
-        f"is not made as the file for which the map {map_path} was made: it {' and '.join(differs)}.",
+        f"differs from the file for which the map {map_path} was made: it {' and '.join(differs)}.",
         do="Propose a new map for it: --propose.",
         file=layout.sheet.shown,
         line=layout.header_line,

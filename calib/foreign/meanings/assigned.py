@@ -70,7 +70,7 @@ def answers_of(texts: Sequence[str], where: str) -> dict[str, str]:
     for text in texts:
         key, mark, choice = text.rpartition("=") if _OF_COLUMN.match(text) else text.partition("=")
         if not mark or not key.strip() or not choice.strip():
-            raise DataError(f"{text!r} is no answer.", do="Write KEY=CHOICE.", file=where)
+            raise DataError(f"{text!r} is not an answer.", do="Write KEY=CHOICE.", file=where)
         out[key.strip()] = choice.strip()
     return out
 

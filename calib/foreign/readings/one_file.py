@@ -221,7 +221,7 @@ class File:
         for i, seconds in enumerate(out):
             if seconds is None:
                 raise DataError(
-                    f"column '{column.name}' is {self.layout.cells[column.name][i][:40]!r}, no date with a "
+                    f"column '{column.name}' is {self.layout.cells[column.name][i][:40]!r}, which is not a date with a "
                     f"time of day.",
                     do="Write YYYY-MM-DD HH:MM:SS, or leave the time out of the map.",
                     file=self.layout.sheet.shown,

@@ -57,7 +57,7 @@ def planned(saved: CalibratedModel, header: Header, visits: PlannedVisits) -> Da
     ):
         if name not in known:
             raise DataError(
-                f"is no {what} of the baseline, which has {', '.join(known) or 'none'}.",
+                f"is not a {what} of the baseline, which has {', '.join(known) or 'none'}.",
                 do="Plan with the setting of the calibration.",
                 key=name,
             )

@@ -58,11 +58,14 @@ _AXES = ("x", "y", "z")
 
 @owner_only()
 def calibrate_command(
-    cell: Annotated[Path, typer.Argument(metavar="CELL.toml", help="The cell.")],
+    cell: Annotated[Path, typer.Argument(metavar="CELL.toml", help="Cell file.")],
     accuracy: Annotated[
         float,
         typer.Option(
-            metavar="MM", min=0.001, max=100.0, help="RMS error to reach in the zone, with 95 % confidence."
+            metavar="MM",
+            min=0.001,
+            max=100.0,
+            help="RMS position error to reach in the zone, mm, with 95 % confidence.",
         ),
     ] = 0.1,
     minutes: Annotated[
@@ -71,7 +74,7 @@ def calibrate_command(
             metavar="MIN",
             min=1.0,
             max=10_000.0,
-            help="Time at the cell, verification included. Default: no limit.",
+            help="Longest time at the cell, minutes, verification included. Default: no limit.",
         ),
     ] = None,
     zone: Annotated[
@@ -83,17 +86,23 @@ def calibrate_command(
     ] = "",
     program: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Program whose targets are the zone, as compensate reads it."),
+        typer.Option(
+            metavar="FILE", help="Robot program, in a format that compensate reads; its targets are the zone."
+        ),
     ] = None,
     poses: Annotated[
-        int, typer.Option(metavar="N", min=1, max=500, help="New poses on which the correction is verified.")
+        int,
+        typer.Option(
+            metavar="N", min=1, max=500, help="Number of new poses on which the correction is verified."
+        ),
     ] = VERIFICATION,
     record: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Folder for records and results. Default: CELL-calibration."),
     ] = None,
     simulate: Annotated[
-        bool, typer.Option("--simulate", help="Start the cell's simulators and calibrate them instead.")
+        bool,
+        typer.Option("--simulate", help="Start the cell's simulators and calibrate them, not the devices."),
     ] = False,
     plan_only: Annotated[
         bool, typer.Option("--plan-only", help="Print the expected number of poses and minutes, and end.")
@@ -260,7 +269,9 @@ def _zone(text: str, program: Path | None) -> dict[str, list[float]] | None:
         return None
     if program is not None:
         raise DataError(
-            "goes with no --program: its targets are the zone.", do="Leave one out.", key="--zone"
+            "cannot be combined with --program, whose targets are the zone.",
+            do="Leave one out.",
+            key="--zone",
         )
     box: dict[str, list[float]] = {}
     for part in text.split(","):
@@ -348,7 +359,7 @@ def _check_folder(folder: Path, cell: Cell, campaign: Campaign, *, simulate: boo
             )
             raise RecordError(
                 f"{folder}: was begun {what}",
-                what_to_do="Give the options of then to continue it, or a new folder with --record.",
+                what_to_do="Give the options with which it was begun to continue it, or a new folder with --record.",
             )
     else:
         refuse_torn(folder)

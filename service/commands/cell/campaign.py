@@ -57,7 +57,8 @@ def rescue_command(
     out: Annotated[
         Path | None,
         typer.Argument(
-            metavar="OUT", help="A new folder for the record; or OUT.csv for a data set. Else DIR-rescued."
+            metavar="OUT",
+            help="New folder for the saved record, or OUT.csv for a data set. Default: DIR-rescued.",
         ),
     ] = None,
     json: options.Json = None,
@@ -94,7 +95,10 @@ def _every_command(context: typer.Context) -> None:
 
 
 Simulate = Annotated[
-    bool, typer.Option("--simulate", help="Start the cell's simulators and measure with them instead.")
+    bool,
+    typer.Option(
+        "--simulate", help="Start the cell's simulators and measure with them, not with the devices."
+    ),
 ]
 
 Record = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the record.")]
@@ -111,13 +115,16 @@ AcceptOther = Annotated[
     ),
 ]
 
-Reason = Annotated[str, typer.Option(metavar="TEXT", help="Why another device is accepted; it is kept.")]
+Reason = Annotated[
+    str,
+    typer.Option(metavar="TEXT", help="Reason why the other device is accepted; it is kept in the record."),
+]
 
 
 @app.command("run")
 def run_command(
-    cell: Annotated[Path, typer.Argument(metavar="CELL.toml", help="The cell.")],
-    campaign: Annotated[Path, typer.Argument(metavar="CAMPAIGN.toml", help="What to measure.")],
+    cell: Annotated[Path, typer.Argument(metavar="CELL.toml", help="Cell file.")],
+    campaign: Annotated[Path, typer.Argument(metavar="CAMPAIGN.toml", help="Campaign file.")],
     record: Annotated[
         Path, typer.Option("--record", metavar="DIR", help="New folder for the durable record.")
     ],
@@ -174,7 +181,7 @@ def _at_rest(record: Path, otherwise: str) -> Iterator[Run]:
 @app.command("move-instrument")
 def restation_command(
     record: Record,
-    reason: Annotated[str, typer.Option(metavar="TEXT", help="Why; it is kept in the record.")] = "",
+    reason: Annotated[str, typer.Option(metavar="TEXT", help="Reason; it is kept in the record.")] = "",
     json: options.Json = None,
 ) -> None:
     """State that the instrument is being moved.
@@ -200,7 +207,7 @@ def restation_command(
 @app.command("finish")
 def finish_command(
     record: Record,
-    reason: Annotated[str, typer.Option(metavar="TEXT", help="Why; it is kept in the record.")] = "",
+    reason: Annotated[str, typer.Option(metavar="TEXT", help="Reason; it is kept in the record.")] = "",
     json: options.Json = None,
 ) -> None:
     """End a paused campaign as succeeded, with the readings that it has. It cannot be resumed then."""
@@ -233,7 +240,7 @@ def status_command(record: Record, json: options.Json = None) -> None:
 @app.command("schema")
 def schema_command(
     out: Annotated[
-        str, typer.Argument(metavar="OUT.json|-", help="The file; '-' is standard output.")
+        str, typer.Argument(metavar="OUT.json|-", help="File to write; '-' is standard output.")
     ] = STANDARD_OUTPUT,
 ) -> None:
     """Write the JSON schema of campaign files, with which editors complete and check them."""
@@ -246,7 +253,10 @@ def events_command(
     record: Record,
     out: Annotated[
         Path | None,
-        typer.Argument(metavar="OUT.jsonl", help="Written whole or not at all. Default: standard output."),
+        typer.Argument(
+            metavar="OUT.jsonl",
+            help="File for the events, written whole or not at all. Default: standard output.",
+        ),
     ] = None,
 ) -> None:
     """Write the events, one JSON object per line. Oldest first; also while another program runs it."""
@@ -264,14 +274,19 @@ def events_command(
 def export_command(
     record: Record,
     out: Annotated[
-        Path, typer.Argument(metavar="OUT.csv", help="The data set; OUT.toml is written to the same folder.")
+        Path,
+        typer.Argument(
+            metavar="OUT.csv",
+            help="File for the data set; its header OUT.toml is written to the same folder.",
+        ),
     ],
     later: Annotated[
         list[Path] | None,
         typer.Option(
             "--with",
             metavar="DIR",
-            help="Records measured later in the same cell, a follow-up for instance: one data set of all.",
+            help="Record measured later in the same cell, such as a follow-up, to merge into the data "
+            "set; may be repeated.",
         ),
     ] = None,
     accept_other: AcceptOther = "",
@@ -280,7 +295,7 @@ def export_command(
         bool,
         typer.Option(
             "--streams",
-            help="Write what was recorded along a path instead: OUT_robot.csv, OUT_tracker.csv.",
+            help="Write the recordings of path blocks, OUT_robot.csv and OUT_tracker.csv, and no data set.",
         ),
     ] = False,
     json: options.Json = None,

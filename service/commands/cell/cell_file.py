@@ -17,7 +17,7 @@ app = typer.Typer(help="Describe the cell file.")
 @app.command("schema")
 def schema_command(
     out: Annotated[
-        str, typer.Argument(metavar="OUT.json|-", help="The file; '-' is standard output.")
+        str, typer.Argument(metavar="OUT.json|-", help="File to write; '-' is standard output.")
     ] = STANDARD_OUTPUT,
 ) -> None:
     """Write the JSON schema of cell files, with which editors complete and check them."""

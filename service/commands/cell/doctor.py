@@ -30,9 +30,10 @@ _STYLES = {"ok": "green", "note": "yellow", "fault": "bold red"}
 
 
 def doctor_command(
-    cell: Annotated[Path, typer.Argument(metavar="CELL.toml", help="The cell.")],
+    cell: Annotated[Path, typer.Argument(metavar="CELL.toml", help="Cell file.")],
     simulate: Annotated[
-        bool, typer.Option("--simulate", help="Start the cell's simulators and examine them instead.")
+        bool,
+        typer.Option("--simulate", help="Start the cell's simulators and examine them, not the devices."),
     ] = False,
     record: Annotated[
         Path, typer.Option("--record", metavar="DIR", help="Folder of records, whose free space is checked.")

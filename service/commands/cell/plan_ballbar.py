@@ -27,31 +27,35 @@ from service.results.cell.placements import (
 
 
 def plan_ballbar(
-    cell: Annotated[Path, typer.Argument(metavar="CELL.toml", help="A cell with a ballbar.")],
+    cell: Annotated[Path, typer.Argument(metavar="CELL.toml", help="File of a cell with a ballbar.")],
     x: Annotated[
-        Range, typer.Option(metavar="LOW HIGH STEP", help="Shifts along x, mm.")
+        Range, typer.Option(metavar="LOW HIGH STEP", help="Shifts of the base balls along x to try, mm.")
     ] = PlacementRequest.x,
     y: Annotated[
-        Range, typer.Option(metavar="LOW HIGH STEP", help="Shifts along y, mm.")
+        Range, typer.Option(metavar="LOW HIGH STEP", help="Shifts of the base balls along y to try, mm.")
     ] = PlacementRequest.y,
     z: Annotated[
-        Range, typer.Option(metavar="LOW HIGH STEP", help="Shifts along z, mm.")
+        Range, typer.Option(metavar="LOW HIGH STEP", help="Shifts of the base balls along z to try, mm.")
     ] = PlacementRequest.z,
     turn: Annotated[
-        Range, typer.Option(metavar="LOW HIGH STEP", help="Turns about the vertical through the balls, deg.")
+        Range,
+        typer.Option(
+            metavar="LOW HIGH STEP", help="Turns of the base balls about their vertical to try, deg."
+        ),
     ] = PlacementRequest.turn,
     base: Annotated[
         str | None,
         typer.Option(
             metavar="B1,B2,B3[,B4]",
-            help="The balls; of four every three are used. Default: the first three nests.",
+            help="Names of three or four base balls; of four, each choice of three is tried. Default: the "
+            "first three nests.",
         ),
     ] = None,
     zone: Annotated[
         Zone | None,
         typer.Option(
             metavar="X Y Z RADIUS",
-            help="Rank by the uncertainty predicted in this sphere of the world, mm, and not by the number of poses.",
+            help="Sphere of the world, mm: rank by the uncertainty predicted in it, not by the number of poses.",
         ),
     ] = None,
     together: Annotated[
@@ -61,7 +65,7 @@ def plan_ballbar(
             "--together",
             min=1,
             max=TOGETHER,
-            help="Placements of one plan, which complete each other in the zone.",
+            help="Number of placements in one plan, which complete each other in the zone.",
         ),
     ] = 1,
     offset_deg: Annotated[
@@ -75,10 +79,10 @@ def plan_ballbar(
         ),
     ] = PlacementRequest.offset_deg,
     show: Annotated[
-        int, typer.Option(min=1, max=50, help="Placements that are proven and listed.")
+        int, typer.Option(min=1, max=50, help="Number of placements to check in full and list.")
     ] = PlacementRequest.show,
     picture: Annotated[
-        Path | None, typer.Option(metavar="OUT.svg", help="A picture of the placements that are listed.")
+        Path | None, typer.Option(metavar="OUT.svg", help="File for a picture of the listed placements.")
     ] = None,
     json: options.Json = None,
 ) -> None:

@@ -24,16 +24,25 @@ from service.results.cell.selected import Selected, SelectionRequest
 
 
 def select(
-    cell: Annotated[Path, typer.Argument(metavar="CELL.toml", help="The cell.")],
+    cell: Annotated[Path, typer.Argument(metavar="CELL.toml", help="Cell file.")],
     out: Annotated[
-        Path, typer.Option("--out", metavar="POSES.csv", help='The poses, for a block with select = "file".')
+        Path,
+        typer.Option(
+            "--out", metavar="POSES.csv", help='File for the poses, for a block with select = "file".'
+        ),
     ],
-    count: Annotated[int, typer.Option(min=1, help="Poses to select.")] = 50,
+    count: Annotated[int, typer.Option(min=1, help="Number of poses to select.")] = 50,
     candidates: Annotated[
-        int, typer.Option("--candidates", "--from", min=1, max=50_000, help="Candidates, drawn at random.")
+        int,
+        typer.Option(
+            "--candidates", "--from", min=1, max=50_000, help="Number of random poses to select from."
+        ),
     ] = 5000,
     groups: Annotated[
-        str, typer.Option(metavar="NAMES", help="Parameter groups of the model, separated by commas.")
+        str,
+        typer.Option(
+            metavar="NAMES", help="Parameter groups that the poses must determine, separated by commas."
+        ),
     ] = ",".join(DEFAULT_GROUPS),
     targets: Annotated[
         str | None,
@@ -46,11 +55,16 @@ def select(
             "--offset-deg",
             min=-30.0,
             max=30.0,
-            help="Start of the last move of every joint, from its pose, deg.",
+            help="Offset of the approach point from the pose, per joint, deg, negative for an approach from below.",
         ),
     ] = -5.0,
     share: Annotated[
-        float, typer.Option(min=0.0, max=1.0, help="Most of the poses that may fill the joints' ranges.")
+        float,
+        typer.Option(
+            min=0.0,
+            max=1.0,
+            help="Largest share of the poses that may serve to cover the joint ranges, 0 to 1.",
+        ),
     ] = SHARE,
     wanted_u: Annotated[
         float | None,
@@ -59,10 +73,10 @@ def select(
             "--wanted-u",
             min=0.0,
             metavar="MM",
-            help="Exit code 3 when the predicted U stays above.",
+            help="Required U (k = 2) of a position, mm. Exit code 3 if the predicted U is larger.",
         ),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Draws the candidates and the starts.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the random candidates and starts.")] = 1,
     prior: options.PriorFile = None,
     json: options.Json = None,
 ) -> None:

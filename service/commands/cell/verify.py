@@ -32,19 +32,21 @@ from service.results.cell.proven import FILES, write_proof
 
 @owner_only()
 def verify_command(
-    cell: Annotated[Path, typer.Argument(metavar="CELL.toml", help="The cell.")],
-    model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="The model to verify.")],
+    cell: Annotated[Path, typer.Argument(metavar="CELL.toml", help="Cell file.")],
+    model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="Model to verify.")],
     poses: Annotated[
         int,
-        typer.Option(metavar="N", min=1, max=500, help="New poses, each driven corrected and uncorrected."),
+        typer.Option(
+            metavar="N", min=1, max=500, help="Number of new poses, each driven corrected and uncorrected."
+        ),
     ] = VERIFICATION,
-    seed: Annotated[int, typer.Option(min=0, help="Draws the poses.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the random poses.")] = 1,
     record: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Folder for records and result. Default: CELL-verification."),
     ] = None,
     simulate: Annotated[
-        bool, typer.Option("--simulate", help="Start the cell's simulators and drive them instead.")
+        bool, typer.Option("--simulate", help="Start the cell's simulators and drive them, not the robot.")
     ] = False,
     plan_only: Annotated[
         bool, typer.Option("--plan-only", help="Check the model and every pose, and end.")
@@ -134,5 +136,6 @@ def _check_begun(folder: Path, cell: str, model: Path, *, simulate: bool) -> Non
     if not same or row["cell"] != cell or bool(row["simulated"]) != simulate:
         raise RecordError(
             f"{folder}: was begun with another cell, another model, or with other devices",
-            what_to_do="Give the files and options of then to continue it, or a new folder with --record.",
+            what_to_do="Give the files and options with which it was begun to continue it, or "
+            "a new folder with --record.",
         )

@@ -26,65 +26,88 @@ from service.results.shape import document_of
 
 def align_command(
     robot_stream: Annotated[
-        Path, typer.Argument(metavar="ROBOT.csv", help="t_s, j1_deg ..; or a recording by RTDE.")
+        Path,
+        typer.Argument(
+            metavar="ROBOT.csv",
+            help="Recording of the robot: columns t_s, j1_deg, ..., or an RTDE recording.",
+        ),
     ],
     tracker_stream: Annotated[
         Path,
-        typer.Argument(metavar="TRACKER.csv", help="t_s, x_mm, y_mm, z_mm; status where a point was lost."),
+        typer.Argument(
+            metavar="TRACKER.csv",
+            help="Recording of the tracker: columns t_s, x_mm, y_mm, z_mm, and status for lost points.",
+        ),
     ],
     out: Annotated[
-        Path, typer.Argument(metavar="OUT.csv", help="The data set; OUT.toml is written to the same folder.")
+        Path,
+        typer.Argument(
+            metavar="OUT.csv",
+            help="File for the data set; its header OUT.toml is written to the same folder.",
+        ),
     ],
-    robot: Annotated[str, typer.Option(metavar="NAME|FILE.toml", help="The robot.")],
+    robot: Annotated[str, typer.Option(metavar="NAME|FILE.toml", help="Built-in robot or robot file.")],
     tool: Annotated[
         tuple[float, float, float],
-        typer.Option(metavar="X Y Z", help="The measured point in the flange frame, mm, nominal."),
+        typer.Option(metavar="X Y Z", help="Nominal position of the measured point in the flange frame, mm."),
     ],
     tool_known: Annotated[
-        bool, typer.Option("--tool-known", help="That point is exact; do not fit it.")
+        bool, typer.Option("--tool-known", help="Take the position of --tool as exact; do not fit it.")
     ] = False,
     slower_than: Annotated[
-        float, typer.Option(metavar="MM/S", help="Samples slower than this are at rest.")
+        float,
+        typer.Option(metavar="MM/S", help="Speed of the tool below which a sample counts as at rest, mm/s."),
     ] = SLOW_MM_S,
     robot_columns: Annotated[
         str | None,
         typer.Option(
-            metavar="MAP", help="Columns of a foreign file: 'time=Timestamp[ms], j1=axis 1[rad], ...'."
+            metavar="MAP",
+            help="Columns of ROBOT.csv if their names differ: 'time=Timestamp[ms], j1=axis 1[rad], ...'.",
         ),
     ] = None,
     tracker_columns: Annotated[
         str | None,
         typer.Option(
             metavar="MAP",
-            help="The same with x, y, z; or spatial-analyzer[mm] for its export of points with time stamps.",
+            help="Columns of TRACKER.csv if their names differ, as for --robot-columns. 'spatial-analyzer[mm]' reads "
+            "the export of points with time stamps.",
         ),
     ] = None,
     coupling: Annotated[
-        str, typer.Option(help="How the controller's joints couple, as joint_coupling in a header.")
+        str,
+        typer.Option(
+            help="Name of the joint matrix by which the controller counts its joints, as joint_coupling in a header."
+        ),
     ] = "none",
-    instrument: Annotated[str, typer.Option(help="The instrument's name, for the header.")] = "unknown",
+    instrument: Annotated[str, typer.Option(help="Name of the instrument, for the header.")] = "unknown",
     sigma: Annotated[
         float | None,
         typer.Option(
             metavar="MM",
-            help="The instrument's uncertainty, 1 sigma of one coordinate: no row has less. Without it [noise] of "
-            "TRACKER.toml; 0.05 is assumed.",
+            help="Standard uncertainty of the instrument per coordinate, mm, the least for every row. Default: "
+            "[noise] of TRACKER.toml, or 0.05.",
         ),
     ] = None,
     every_sample: Annotated[
         bool,
         typer.Option(
-            "--every-sample", help="A row for each sample at rest, not one per stationary interval."
+            "--every-sample", help="Write a row for each sample at rest, not one per stationary interval."
         ),
     ] = False,
     holdout: Annotated[
         float,
         typer.Option(metavar="SHARE", help="Share of the waypoints held out for validation; 0 for none."),
     ] = HOLDOUT,
-    seed: Annotated[int, typer.Option(min=0, help="Draws the waypoints held out.")] = SEED,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Seed of the random choice of the held-out waypoints.")
+    ] = SEED,
     picture: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.svg", help="Draw the speeds before and after, and the error by speed."),
+        typer.Option(
+            metavar="FILE.svg",
+            help="File for a picture: the speeds of robot and tracker before and after the alignment of "
+            "their clocks, and the error by speed.",
+        ),
     ] = None,
     json: options.Json = None,
 ) -> None:

@@ -35,52 +35,69 @@ def convert(
         list[Path],
         typer.Argument(
             metavar="FILE [FILE2]",
-            help="The foreign file, or one with joints and one with points; with --from, the data set behind it.",
+            help="Foreign file, or one with joints and one with points. With --from, the foreign file and OUT.csv.",
         ),
     ],
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", "-o", metavar="OUT.csv", help="The data set; OUT.toml is written to the same folder."
+            "--out",
+            "-o",
+            metavar="OUT.csv",
+            help="File for the data set; its header OUT.toml is written to the same folder.",
         ),
     ] = None,
     source: Annotated[
         str | None,
-        typer.Option("--from", metavar="NAME", help=f"A known file: {', '.join(sorted(IMPORTERS))}."),
+        typer.Option(
+            "--from", metavar="NAME", help=f"Known kind of the foreign file: {', '.join(sorted(IMPORTERS))}."
+        ),
     ] = None,
     map_file: Annotated[
         Path | None,
-        typer.Option("--map", metavar="MAP.toml", help="What its columns are; without it a map is proposed."),
+        typer.Option(
+            "--map", metavar="MAP.toml", help="Map of the columns of the files. Default: a map is proposed."
+        ),
     ] = None,
     propose: Annotated[
         Path | None,
-        typer.Option(metavar="MAP.toml", help="Write the map that is proposed, and convert nothing yet."),
+        typer.Option(metavar="MAP.toml", help="File for the proposed map; nothing is converted yet."),
     ] = None,
     robot: Annotated[
-        str | None, typer.Option(metavar="NAME|FILE.toml", help="The robot that was measured.")
+        str | None,
+        typer.Option(
+            metavar="NAME|FILE.toml", help="Robot that was measured: a built-in robot or a robot file."
+        ),
     ] = None,
     answer: Annotated[
         list[str] | None,
-        typer.Option(metavar="KEY=CHOICE", help="Answer a question of the proposal; may be repeated."),
+        typer.Option(metavar="KEY=CHOICE", help="Answer to a question of the proposal; may be repeated."),
     ] = None,
     sigma: Annotated[
         float | None,
-        typer.Option(min=1e-6, metavar="MM", help="Standard deviation of one coordinate; 0.05 is assumed."),
+        typer.Option(
+            min=1e-6, metavar="MM", help="Standard deviation of one measured coordinate, mm; 0.05 is assumed."
+        ),
     ] = None,
     instrument: Annotated[str | None, typer.Option(help="Name of the instrument, for the header.")] = None,
     lines: Annotated[
         tuple[int, int] | None,
-        typer.Option(metavar="FIRST LAST", help="Lines of the table, where a file holds several."),
+        typer.Option(metavar="FIRST LAST", help="First and last line of the table, if a file holds several."),
     ] = None,
     holdout: Annotated[
         HoldoutKind | None,
         typer.Option(
-            help="Poses held out for validation: drawn at random, whole blocks of consecutive poses, or none. Without "
+            help="Poses held out for validation: drawn at random, whole blocks of consecutive poses, or "
+            "none. Without "
             "it random, and blocks along a path."
         ),
     ] = None,
-    share: Annotated[float | None, typer.Option(help="Share of the poses held out; 0.2 is assumed.")] = None,
-    seed: Annotated[int | None, typer.Option(min=0, help="Draws the poses held out; 1 is assumed.")] = None,
+    share: Annotated[
+        float | None, typer.Option(help="Share of the poses held out, 0 to 1; 0.2 is assumed.")
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Seed of the random choice of the held-out poses; 1 is assumed.")
+    ] = None,
     json: options.Json = None,
 ) -> None:
     """Import foreign data."""
@@ -89,7 +106,9 @@ def convert(
     if source is not None:
         if map_file or propose or robot or answer or lines or sigma or instrument:
             raise DataError(
-                "knows its files: it takes no map and no answers.", do="Leave them out.", file="--from"
+                "reads a known kind of file and takes neither a map nor answers.",
+                do="Leave them out.",
+                file="--from",
             )
         _known(files, out, source, given, json)
         return

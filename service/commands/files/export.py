@@ -25,23 +25,33 @@ from service.results.shape import document_of
 
 
 def export_command(
-    model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="The identified model.")],
-    out: Annotated[Path | None, typer.Argument(metavar="OUT", help="The file to write.")] = None,
+    model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="Identified model.")],
+    out: Annotated[Path | None, typer.Argument(metavar="OUT", help="File to write.")] = None,
     kind: Annotated[
         str | None,
-        typer.Option("--format", "--as", metavar="NAME", help=f"What to write: {', '.join(FORMATS)}."),
+        typer.Option("--format", "--as", metavar="NAME", help=f"Format to write: {', '.join(FORMATS)}."),
     ] = None,
     list_all: Annotated[
         bool,
-        typer.Option("--list", help="Write nothing: list what every format carries and the error it leaves."),
+        typer.Option(
+            "--list",
+            help="Write nothing: list the parameters that every format can hold and the error that it leaves.",
+        ),
     ] = False,
     conditions: Annotated[
         str | None,
-        typer.Option(metavar="KEY=VALUE,...", help="For which conditions it holds, as for compensate."),
+        typer.Option(
+            metavar="KEY=VALUE,...",
+            help="Conditions (load, temperature, time, ...) for which the export holds, as for compensate.",
+        ),
     ] = None,
     robot_hash: Annotated[
         str | None,
-        typer.Option("--hash", metavar="calib_...", help="ur-yaml: the robot's own calibration hash."),
+        typer.Option(
+            "--hash",
+            metavar="calib_...",
+            help="Calibration hash of the robot itself, for the format ur-yaml.",
+        ),
     ] = None,
     data: Annotated[
         Path | None,

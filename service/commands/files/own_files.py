@@ -95,7 +95,8 @@ class OwnFiles:
         if self.map_file is not None:
             if self.propose_to or self.answers or self.lines or self.robot or self.sigma or self.instrument:
                 raise DataError(
-                    "holds all answers: --propose, --robot, --answer, --sigma, --instrument and --lines go without it.",
+                    "contains all answers and cannot be combined with "
+                    "--propose, --robot, --answer, --sigma, --instrument or --lines.",
                     do="Change the map, or leave it out.",
                     file="--map",
                 )

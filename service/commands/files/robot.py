@@ -66,12 +66,10 @@ class LengthUnit(Enum):
     M = "m"
 
 
-RobotArgument = Annotated[
-    str, typer.Argument(metavar="NAME|FILE.toml", help="A robot of the library, or a robot file.")
-]
+RobotArgument = Annotated[str, typer.Argument(metavar="NAME|FILE.toml", help="Built-in robot or robot file.")]
 ConventionOption = Annotated[
     ConventionName | None,
-    typer.Option(help="Standard (dh) or modified (mdh, of Craig)."),
+    typer.Option(help="Convention of the DH table: standard (dh) or modified (mdh, Craig)."),
 ]
 
 MassOption = Annotated[
@@ -79,28 +77,29 @@ MassOption = Annotated[
     typer.Option(
         min=0.001,
         metavar="KG",
-        help="Mass of the whole arm: estimated masses of the links are written into the file. Only without masses of "
-        "its links.",
+        help="Mass of the whole arm, kg, from which the masses of the links are estimated and written. Only if the "
+        "masses of the links are not given.",
     ),
 ]
 
 
 @app.command("new")
 def new_command(
-    out: Annotated[Path, typer.Argument(metavar="OUT.toml", help="The robot file to write.")],
+    out: Annotated[Path, typer.Argument(metavar="OUT.toml", help="Robot file to write.")],
     name: Annotated[str | None, typer.Option(help="Name of the robot.")] = None,
-    maker: Annotated[str | None, typer.Option(help="Its maker.")] = None,
+    maker: Annotated[str | None, typer.Option(help="Maker of the robot.")] = None,
     convention: ConventionOption = None,
-    joints: Annotated[int | None, typer.Option(min=1, max=20, help="How many joints it has.")] = None,
+    joints: Annotated[int | None, typer.Option(min=1, max=20, help="Number of joints.")] = None,
     link: Annotated[
         list[str] | None,
         typer.Option(
             metavar="NUMBERS",
-            help="A row of the table: alpha deg, a mm, theta deg, d mm, lowest, highest, with 'slides' before them for "
+            help="Row of the DH table: alpha deg, a mm, theta deg, d mm, lowest, highest, with 'slides' "
+            "before them for "
             "a joint that slides. One --link per joint.",
         ),
     ] = None,
-    source: Annotated[str | None, typer.Option(help="Where the numbers come from.")] = None,
+    source: Annotated[str | None, typer.Option(help="Source of the numbers, such as a manual.")] = None,
     mass: MassOption = None,
 ) -> None:
     """Write a robot file. Missing options are requested at the terminal."""
@@ -114,20 +113,32 @@ def new_command(
 
 @app.command("import")
 def import_command(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A URDF, or a table of DH numbers (CSV).")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="URDF file, or CSV table of DH numbers.")],
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", metavar="OUT.toml", help="Default: FILE.toml, here.")
+        Path | None,
+        typer.Option(
+            "--out",
+            "-o",
+            metavar="OUT.toml",
+            help="Robot file to write. Default: FILE.toml in the current folder.",
+        ),
     ] = None,
     convention: ConventionOption = None,
     base: Annotated[
         str | None,
-        typer.Option(metavar="LINK", help="URDF: where the robot begins. Default: the outermost link."),
+        typer.Option(
+            metavar="LINK", help="URDF: name of the link that is the base. Default: the outermost link."
+        ),
     ] = None,
     tip: Annotated[
-        str | None, typer.Option(metavar="LINK", help="URDF: the flange. Default: the only end of the tree.")
+        str | None,
+        typer.Option(
+            metavar="LINK",
+            help="URDF: name of the link that is the flange. Default: the only end of the tree.",
+        ),
     ] = None,
     angles: Annotated[
-        AngleUnit | None, typer.Option(help="CSV: unit of the angles, where nothing shows it.")
+        AngleUnit | None, typer.Option(help="CSV: unit of the angles, if the table does not show it.")
     ] = None,
     lengths: Annotated[
         LengthUnit | None,
@@ -140,7 +151,7 @@ def import_command(
     name: Annotated[
         str | None, typer.Option(help="Name of the robot. Default: the name in the file.")
     ] = None,
-    maker: Annotated[str, typer.Option(help="Its maker.")] = "unknown",
+    maker: Annotated[str, typer.Option(help="Maker of the robot.")] = "unknown",
     mass: MassOption = None,
 ) -> None:
     """Make a robot file from a URDF or a table of DH numbers."""
@@ -181,21 +192,22 @@ def check_command(
     data: Annotated[
         Path | None,
         typer.Argument(
-            metavar="[DATA.csv]", help="A handful of readings, 20 or so: joints and measured points."
+            metavar="[DATA.csv]", help="Data set of some 20 readings: joints and measured points."
         ),
     ] = None,
     home: Annotated[
         str | None,
-        typer.Option(metavar="J1,J2,...", help="A posture of your own to be shown too, deg or mm."),
+        typer.Option(metavar="J1,J2,...", help="Joint angles of a posture to show too, deg or mm."),
     ] = None,
     picture: Annotated[
-        Path | None, typer.Option("--picture", metavar="OUT.svg", help="Draw the arm into this file.")
+        Path | None, typer.Option("--picture", metavar="OUT.svg", help="File for a picture of the arm.")
     ] = None,
     posture: Annotated[
         str | None,
         typer.Option(
             metavar="NAME",
-            help="Draw it in 'zero', 'middle' or 'home'. Default: home, or zero if there is none.",
+            help="Posture of the picture: 'zero', 'middle' or 'home'. Default: home, or zero if the robot "
+            "file has no home.",
         ),
     ] = None,
     json: options.Json = None,
@@ -303,13 +315,15 @@ def _drawn(posture: str | None, about: Described) -> str:
 def _refuse_of_table(given: dict[str, object]) -> None:
     for option, value in given.items():
         if value is not None:
-            raise DataError("is for tables.", do="A URDF says it itself; leave it out.", key=option)
+            raise DataError("applies to DH tables only.", do="Leave it out; a URDF states it.", key=option)
 
 
 def _refuse_of_urdf(given: dict[str, object]) -> None:
     for option, value in given.items():
         if value is not None:
-            raise DataError("is for URDFs.", do="Leave it out; a table has no links by name.", key=option)
+            raise DataError(
+                "applies to URDFs only.", do="Leave it out; a table has no links by name.", key=option
+            )
 
 
 def _write(draft: Draft, out: Path) -> None:

@@ -47,19 +47,22 @@ def demo_command(
     ] = Path("fleet-demo"),
     store: Annotated[
         str | None,
-        typer.Option(metavar="URL", help="postgresql://USER@HOST/NAME (default: an SQLite file in DIR)."),
+        typer.Option(
+            metavar="URL",
+            help="Address of the store, postgresql://USER@HOST/NAME. Default: an SQLite file in DIR.",
+        ),
     ] = None,
-    cells: Annotated[int, typer.Option(min=1, max=20, help="Simulated cells.")] = 3,
-    workers: Annotated[int, typer.Option(min=1, max=64, help="Processes that diagnose.")] = 2,
+    cells: Annotated[int, typer.Option(min=1, max=20, help="Number of simulated cells.")] = 3,
+    workers: Annotated[int, typer.Option(min=1, max=64, help="Number of processes that diagnose.")] = 2,
     every: Annotated[
         float,
-        typer.Option(metavar="S", min=60.0, help="Seconds between two rounds of watches."),
+        typer.Option(metavar="S", min=60.0, help="Time between two rounds of watches, s."),
     ] = 120.0,
     once: Annotated[bool, typer.Option("--once", help="End after the first round.")] = False,
 ) -> None:
     """Run a demo fleet here: a server, simulated cells that send to it, workers that diagnose."""
     if out.exists() and (not out.is_dir() or (any(out.iterdir()) and not (out / "tokens").exists())):
-        raise DataError("holds something else than a demo.", do="Name another folder.", file=f"--out {out}")
+        raise DataError("is not empty and holds no demo.", do="Name another folder.", file=f"--out {out}")
     out.mkdir(parents=True, exist_ok=True)
     tokens = lasting_tokens(out / "tokens", first="cells'", harm="write to the store")
     place = store or f"sqlite:///{(out / 'plant.sqlite3').absolute()}"

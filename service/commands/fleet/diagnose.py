@@ -39,19 +39,24 @@ def diagnose_command(
         str,
         typer.Option(
             metavar="ADDRESS",
-            help="tls://HOST:PORT of a Dask scheduler. Default: processes of this computer.",
+            help="Address of a Dask scheduler, tls://HOST:PORT. Default: processes of this computer.",
         ),
     ] = "",
     workers: Annotated[
         int | None,
-        typer.Option(min=1, max=1024, help="Processes of this computer. Default: one per processor."),
+        typer.Option(
+            min=1, max=1024, help="Number of processes of this computer. Default: one per processor."
+        ),
     ] = None,
     most: Annotated[
         int, typer.Option("--max-effects", "--most", min=0, help="Largest number of effects to add.")
     ] = MOST_EFFECTS,
     changed_since: Annotated[
         str,
-        typer.Option(metavar="VERSION", help="Show the results of another version of TruePose."),
+        typer.Option(
+            metavar="VERSION",
+            help="Other version of TruePose whose results are compared with those of this one.",
+        ),
     ] = "",
     json: options.Json = None,
 ) -> None:

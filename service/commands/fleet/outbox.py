@@ -19,7 +19,7 @@ from service.printed.terminal import Terminal
 from service.private import owner_only
 
 app = typer.Typer(help="List the documents that wait, and send refused ones again.")
-Folder = Annotated[Path, typer.Argument(metavar="DIR", help="The folder that is sent.")]
+Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder given to 'truepose fleet send'.")]
 SHORT = 12  # letters of a hash that people type
 MOST = 50  # documents in a table
 
@@ -61,7 +61,10 @@ def list_command(folder: Folder, json: options.Json = None) -> None:
 def retry_command(
     folder: Folder,
     hash: Annotated[
-        str, typer.Argument(metavar="[HASH]", help="Only those that begin so (default: all).")
+        str,
+        typer.Argument(
+            metavar="[HASH]", help="Start of the hash of the documents to send again (default: all)."
+        ),
     ] = "",
 ) -> None:
     """Send documents again that were set aside. Files that were not taken are read again."""

@@ -34,9 +34,12 @@ ROUNDS = 6  # of a command that ends by itself
 @owner_only()
 def send_command(
     folder: Folder,
-    to: Annotated[str, typer.Option("--to", metavar="URL", help="The fleet's server, http://ADDRESS:PORT.")],
+    to: Annotated[
+        str, typer.Option("--to", metavar="URL", help="Address of the fleet's server, http://ADDRESS:PORT.")
+    ],
     token_file: Annotated[
-        Path, typer.Option("--token-file", metavar="FILE", help="Its first line is the cells' token.")
+        Path,
+        typer.Option("--token-file", metavar="FILE", help="File with the cells' token in its first line."),
     ],
     cell: options.CellName = None,
     serial: options.Serial = "",
@@ -47,7 +50,9 @@ def send_command(
     every: Annotated[
         float | None,
         typer.Option(
-            metavar="S", min=0.1, help="Look for new documents every S seconds, until Ctrl-C (default: once)."
+            metavar="S",
+            min=0.1,
+            help="Time between two searches for new documents, s, until Ctrl-C. Default: one search.",
         ),
     ] = None,
     json: options.Json = None,

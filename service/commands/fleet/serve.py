@@ -26,8 +26,9 @@ def serve_command(
         typer.Option(
             "--token-file",
             metavar="FILE",
-            help="The cells' token, which puts documents in, and in its second line the viewer's, which reads; it is "
-            "made where it is not there.",
+            help="File with the cells' token (adds documents) in its first line and the viewer's (reads) "
+            "in its second. It "
+            "is made if it does not exist.",
         ),
     ],
     cell_tokens: Annotated[
@@ -35,14 +36,15 @@ def serve_command(
         typer.Option(
             "--cell-tokens",
             metavar="FILE",
-            help="A token for each cell ('truepose fleet token'): the first line of --token-file then sends nothing.",
+            help="File with a token per cell, from 'truepose fleet token'. The first line of --token-file "
+            "then cannot add documents.",
         ),
     ] = None,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="0: a free one.")] = 0,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on, 0 for a free one.")] = 0,
     host: serving.Host = "127.0.0.1",
     name: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME", help="A name by which cells call this computer; may be repeated."),
+        typer.Option(metavar="NAME", help="Name by which cells call this computer; may be repeated."),
     ] = None,
     json: serving.Hello = False,
     log: serving.Log = None,

@@ -15,15 +15,19 @@ from service.private import owner_only
 
 app = typer.Typer(help="Create and withdraw the access tokens of cells.")
 File = Annotated[
-    Path, typer.Option("--file", metavar="FILE", help="The file that 'fleet serve --cell-tokens' was given.")
+    Path,
+    typer.Option(
+        "--file", metavar="FILE", help="File of the tokens, the one of 'fleet serve --cell-tokens'."
+    ),
 ]
-Name = Annotated[str, typer.Argument(metavar="NAME", help="The name of the cell in the store.")]
+Name = Annotated[str, typer.Argument(metavar="NAME", help="Name of the cell in the store.")]
 Robots = Annotated[
     list[str] | None,
     typer.Option(
         "--robot",
         metavar="TYPE:SERIAL",
-        help="A robot of which it may send documents; may be repeated. Without any it may of all.",
+        help="Type and serial number of a robot whose documents the cell may send; may be repeated. "
+        "Default: all robots.",
     ),
 ]
 _ANY = "truepose: the token of '{}' may write about any robot. Name those of the cell: truepose fleet token allow\n"
@@ -35,7 +39,10 @@ def add_command(
     name: Name,
     file: File,
     role: Annotated[
-        May, typer.Option(help="A cell puts documents in under its name, a viewer reads everything.")
+        May,
+        typer.Option(
+            help="Role of the token: a cell adds documents under its name, a viewer reads everything."
+        ),
     ] = "cell",
     robot: Robots = None,
 ) -> None:

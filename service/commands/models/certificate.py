@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 Dcc = Annotated[
     Path | None,
-    typer.Option("--dcc", metavar="FILE.xml", help="Write a digital calibration certificate (DCC 3.3.0)."),
+    typer.Option("--dcc", metavar="FILE.xml", help="File for a digital calibration certificate (DCC 3.3.0)."),
 ]
 DccAbout = Annotated[
     Path | None,
@@ -29,7 +29,8 @@ DccAbout = Annotated[
         "--dcc-parties",
         "--dcc-about",
         metavar="ABOUT.toml",
-        help="Whose certificate and report: laboratory, city, country (two letters), customer, responsible.",
+        help="File with the parties named in certificate and report: laboratory, city, country (two "
+        "letters), customer, responsible.",
     ),
 ]
 
@@ -96,7 +97,7 @@ def read_parties(path: Path | None, dcc: Path | None, report: Path | None) -> Ce
 
     if dcc is None and report is None:
         raise DataError(
-            "is stated in a certificate and on a report.",
+            "is used only in a certificate or a report.",
             do="Give --dcc or --report as well.",
             key="--dcc-parties",
         )

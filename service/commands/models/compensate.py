@@ -31,52 +31,69 @@ from service.programs.conditions import stated_conditions
 
 
 def compensate_command(
-    model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="The identified model.")],
+    model: Annotated[Path, typer.Argument(metavar="MODEL.json", help="Identified model.")],
     program: Annotated[
         Path,
         typer.Argument(
             metavar="IN",
-            help="Targets .csv, RAPID .mod, Fanuc .ls, URScript .script, KUKA .src or .dat, Yaskawa .jbi, VAL3 .dtx.",
+            help="Program to correct: targets .csv, RAPID .mod, Fanuc .ls, URScript .script, KUKA .src or "
+            ".dat, Yaskawa .jbi, VAL3 .dtx.",
         ),
     ],
-    out: Annotated[Path, typer.Argument(metavar="OUT", help="The corrected program.")],
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="File for the corrected program.")],
     conditions: Annotated[
         str | None,
         typer.Option(
             metavar="KEY=VALUE,...",
-            help="side, approach, temperature, time, mass, cog, series (default: those of the model).",
+            help="Conditions for which the correction holds: side, approach, temperature, time, mass, "
+            "cog, series. Default: those of the model.",
         ),
     ] = None,
     tool: Annotated[
         list[str] | None,
-        typer.Option(metavar="[NAME=]x,y,z,w,p,r", help="A tool that is not in the program, mm and deg."),
+        typer.Option(
+            metavar="[NAME=]x,y,z,w,p,r", help="Tool that is not defined in the program, mm and deg."
+        ),
     ] = None,
     frame: Annotated[
         list[str] | None,
-        typer.Option(metavar="[NAME=]x,y,z,w,p,r", help="A work object or user frame that is not in it."),
+        typer.Option(
+            metavar="[NAME=]x,y,z,w,p,r",
+            help="Work object or user frame that is not defined in the program, mm and deg.",
+        ),
     ] = None,
     pulses: Annotated[
-        str, typer.Option(metavar="P1,P2,...", help="Yaskawa: pulses a degree of every axis, with its sign.")
+        str,
+        typer.Option(metavar="P1,P2,...", help="Yaskawa: pulses per degree of every axis, with its sign."),
     ] = "",
     external_apart: Annotated[
         bool,
         typer.Option(
             "--fixed-external-axes",
             "--external-apart",
-            help="External axes carry neither robot nor work: they are kept.",
+            help="External axes carry neither robot nor workpiece; keep their values.",
         ),
     ] = False,
     inverse: Annotated[
-        bool, typer.Option("--inverse", help="From actual to nominal: targets taught on the real robot.")
+        bool,
+        typer.Option(
+            "--inverse", help="Convert targets that were taught on the real robot into nominal ones."
+        ),
     ] = False,
     named_only: options.NamedOnly = False,
     keep_refused: Annotated[
-        bool, typer.Option("--keep-refused", help="Write the program though some targets stay as they were.")
+        bool,
+        typer.Option(
+            "--keep-refused",
+            help="Write the program even if some targets cannot be corrected; they stay unchanged.",
+        ),
     ] = False,
     most_uncertainty: Annotated[
         float,
         typer.Option(
-            metavar="MM", min=0.0, help="Leave targets that the model knows less well than this (95 %)."
+            metavar="MM",
+            min=0.0,
+            help="Largest uncertainty of a corrected position (95 %), mm; targets above it stay unchanged.",
         ),
     ] = math.inf,
     robot: options.RobotFile = None,

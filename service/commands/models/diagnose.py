@@ -37,7 +37,8 @@ def diagnose_command(
     predictions: Annotated[
         Path | None,
         typer.Option(
-            metavar="P.csv", help="Predict every validation row, with and without the effects found."
+            metavar="P.csv",
+            help="File for the predictions of every validation row, with and without the effects found.",
         ),
     ] = None,
     model: options.Model = None,
@@ -48,21 +49,30 @@ def diagnose_command(
     carry_to: Annotated[
         Path | None,
         typer.Option(
-            metavar="B.csv", help="Judge the effects on another data set of the same robot as well."
+            metavar="B.csv",
+            help="Another data set of the same robot, on which the effects are judged as well.",
         ),
     ] = None,
     follow_up: Annotated[
         Path | None,
         typer.Option(
-            metavar="CAMPAIGN.toml", help="Where something is ambiguous, write poses that decide it."
+            metavar="CAMPAIGN.toml",
+            help="File for a campaign of poses that distinguish the rivals, if the diagnosis is ambiguous.",
         ),
     ] = None,
     cell: Annotated[
         Path | None,
-        typer.Option(metavar="CELL.toml", help="Keep those poses within this cell: limits, table, boxes."),
+        typer.Option(
+            metavar="CELL.toml",
+            help="Cell file, within whose limits, table and boxes the poses of --follow-up are kept.",
+        ),
     ] = None,
     patch: Annotated[
-        bool, typer.Option("--patch", help="Map what is left as well: a patch, judged apart, never a cause.")
+        bool,
+        typer.Option(
+            "--patch",
+            help="Also map the remaining errors: a patch, judged separately and never named as a cause.",
+        ),
     ] = False,
     prior: options.PriorFile = None,
     save_anyway: options.SaveAnyway = False,

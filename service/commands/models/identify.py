@@ -33,7 +33,8 @@ def identify_command(
         Path | None,
         typer.Option(
             metavar="STAGE1.json",
-            help="The model of stage 1 of a ballbar campaign: the report compares it with nominal and final.",
+            help="Model of stage 1 of a ballbar campaign; the report compares it with the nominal and the "
+            "final model.",
         ),
     ] = None,
     prior: options.PriorFile = None,
@@ -50,7 +51,7 @@ def identify_command(
         inputs=(*options.files_of(data), dcc_about, accept_zones, prior),
     )
     if preliminary is not None and report is None:
-        raise DataError("is shown in a report.", do="Give --report.", key="--preliminary")
+        raise DataError("is used only in a report.", do="Give --report.", key="--preliminary")
     limits = options.limits_of(accept_rms, accept_max, accept_zones)
     parties = read_parties(dcc_about, dcc, report)
     certificate = CertificateRequest.of(dcc, parties)

@@ -25,24 +25,43 @@ METHODS = ("mls-svr",)
 
 def regress_command(
     data: options.Data,
-    method: Annotated[str, typer.Option(help=f"The regression: {', '.join(METHODS)}.")] = METHODS[0],
-    kernel: Annotated[str, typer.Option(help="linear or rbf, its width chosen too.")] = "linear",
+    method: Annotated[str, typer.Option(help=f"Regression method: {', '.join(METHODS)}.")] = METHODS[0],
+    kernel: Annotated[
+        str, typer.Option(help="Kernel: linear, or rbf, whose width is chosen from the readings.")
+    ] = "linear",
     features: Annotated[
         str | None,
         typer.Option(
-            help=f"{', '.join(SETS)} (default: the smallest set that holds the arm at these samples)."
+            help=f"Set of features: {', '.join(SETS)}. Default: the smallest set that describes the arm "
+            "at these samples."
         ),
     ] = None,
-    on: Annotated[str, typer.Option(help="residuals of the model, or absolute positions.")] = "residuals",
+    on: Annotated[
+        str,
+        typer.Option(
+            help="Values that the regression predicts: residuals (of the model) or positions (absolute)."
+        ),
+    ] = "residuals",
     level: Annotated[
-        int, typer.Option(min=2, max=3, help="2 geometry, 3 and gravity: the model that it is based on.")
+        int,
+        typer.Option(
+            min=2,
+            max=3,
+            help="Level of the model under the regression: 2 for geometry, 3 for geometry and compliance "
+            "under gravity.",
+        ),
     ] = 3,
     both: Annotated[
-        bool, typer.Option("--compare", help="The other level and the other kind of regression as well.")
+        bool,
+        typer.Option(
+            "--compare", help="Also fit the other level and the other kind of regression, for comparison."
+        ),
     ] = False,
     diagnosed: Annotated[
         bool,
-        typer.Option("--diagnose", help="Diagnose too, and fit a regression to the remaining errors; slow."),
+        typer.Option(
+            "--diagnose", help="Also diagnose, and fit a regression to the errors that remain; slow."
+        ),
     ] = False,
     model: options.Model = None,
     json: options.Json = None,

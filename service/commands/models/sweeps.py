@@ -21,7 +21,8 @@ def sweeps_command(
     data: options.Data,
     level: options.Level = None,
     picture: Annotated[
-        Path | None, typer.Option(metavar="FILE.svg", help="Draw the tangential error of every joint.")
+        Path | None,
+        typer.Option(metavar="FILE.svg", help="File for a picture of the tangential error of every joint."),
     ] = None,
     json: options.Json = None,
 ) -> None:

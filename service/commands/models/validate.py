@@ -29,18 +29,23 @@ def validate_command(
     data: options.Data,
     model: Annotated[
         Path | None,
-        typer.Option(metavar="M.json", help="Judge this saved model (without it: hold-outs side by side)."),
+        typer.Option(
+            metavar="M.json",
+            help="Saved model to judge. Default: fit models to parts of the readings and compare their hold-outs.",
+        ),
     ] = None,
     compare: Annotated[
         Path | None,
-        typer.Option(metavar="N.json", help="Another calibration of the same robot, compared with --model."),
+        typer.Option(
+            metavar="N.json", help="Another calibration of the same robot, to compare with --model."
+        ),
     ] = None,
     place: Annotated[
         bool,
         typer.Option(
             "--place",
-            help="Fit base (and tool, where the model frees it) to the calibration rows, or without any to the others; "
-            "of distances the balls.",
+            help="Fit the base (and the tool, if the model frees it) to the calibration rows, or to all rows if there "
+            "are none. With distances, fit the positions of the balls.",
         ),
     ] = False,
     everything: Annotated[
@@ -48,12 +53,15 @@ def validate_command(
     ] = False,
     point: Annotated[
         tuple[float, float, float] | None,
-        typer.Option(metavar="X Y Z", help="Show errors by the distance from this point of the world, mm."),
+        typer.Option(metavar="X Y Z", help="Point of the world, mm: show errors by their distance from it."),
     ] = None,
     report: options.Report = None,
     picture: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.svg", help="Draw the errors as arrows; of distances over time."),
+        typer.Option(
+            metavar="FILE.svg",
+            help="File for a picture of the errors: arrows, or with distances a chart over time.",
+        ),
     ] = None,
     robot: options.RobotFile = None,
     largest_correction: options.LargestCorrection = options.LARGEST,
@@ -77,7 +85,7 @@ def validate_command(
         )
     if everything and drawn:
         raise DataError(
-            "goes with neither --report nor --picture: these show readings that took no part in the fit.",
+            "cannot be combined with --report or --picture, which show only readings that took no part in the fit.",
             do="Leave it out, or mark the rows to judge on set = validation.",
             file="--all",
         )

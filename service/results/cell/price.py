@@ -79,7 +79,7 @@ def price_of(record: Path, number: int) -> PriceShown | None:
         return None
     if cell.instrument.declared.measures_lengths:
         raise DataError(
-            f"a campaign with the {cell.instrument.name} measures distances, which have no price here.",
+            f"a campaign with the {cell.instrument.name} measures distances, for which no cost of a pose is computed.",
             do="Measure the pose again where its reading is in doubt.",
         )
     forecast = forecast_of(record)

@@ -283,7 +283,7 @@ def aligned_of(
     from calib.motion import Origin, align, by_speed, data_set, read_joints, read_points, standstills
 
     if not all(abs(x) <= FARTHEST_TOOL_MM for x in order.tool):
-        raise DataError("is no point on a tool.", do="Give X Y Z in mm, flange frame.", key="--tool")
+        raise DataError("is not a point on a tool.", do="Give X Y Z in mm, flange frame.", key="--tool")
     if not 0.0 < order.slower_than < math.inf:
         raise DataError(f"is {order.slower_than:g}.", do="Give mm/s, above zero.", key="--slower-than")
     if not 0.0 <= order.holdout < 1.0:

@@ -41,7 +41,7 @@ def get_scene(here: Here, joints_deg: Joints = "") -> SceneShown:
     try:
         posture = [float(part) for part in joints_deg.split(",")] if joints_deg.strip() else []
     except ValueError as error:
-        raise DataError("are no numbers.", do="Give angles in deg with commas.", key="joints_deg") from error
+        raise DataError("are not numbers.", do="Give angles in deg with commas.", key="joints_deg") from error
     return here.workers.call(scene_of, here.cell, posture)
 
 

@@ -129,7 +129,7 @@ def create_validation(here: Service, body: ValidationAsked) -> dict[str, Any]:
     if model is None and (limits or body.place or body.everything or body.compare_id or body.point):
         raise Problem(
             422,
-            "place, everything, compare_id, point and limits go with a model.",
+            "place, everything, compare_id, point and limits need model_id.",
             "Give model_id, or leave them out.",
         )
     other = None
