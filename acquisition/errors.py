@@ -111,8 +111,8 @@ class OtherBalls(Refused):
 
     code = 3110
     advice = (
-        "Check whether the bar sits on the balls named, with the right extension bar, and whether a cup has moved; "
-        "confirm to measure again, skip to leave the leg out."
+        "Check whether the bar sits on the balls named, with the right extension bar, and whether a cup has moved. "
+        "Confirm to measure the leg again, or skip to leave it out."
     )
 
 
@@ -130,7 +130,7 @@ class CupsDisagree(Refused):
     """The touched positions of two cups contradict the ballbar, or the sides make no triangle."""
 
     code = 3112
-    advice = "Confirm to do it again, or skip to continue with the readings so far."
+    advice = "Confirm to repeat the distances or touches that disagree, or skip to continue with the readings so far."
 
 
 class NestsDisagree(Refused):
@@ -164,7 +164,10 @@ class NothingNew(NoisyMeasurement):
     """The instrument repeats a reading to the last digit: it is stuck, or its bridge repeats."""
 
     code = 2102
-    advice = "Look whether the bridge still hears the instrument and a bar moves freely, then repeat the measurement."
+    advice = (
+        "Check whether the bridge still receives data from the instrument and whether a bar moves freely, then "
+        "repeat the measurement."
+    )
 
 
 class TurnedOtherwise(Refused):
@@ -183,7 +186,7 @@ class NothingWhereItShouldBe(Refused):
     code = 3113
     advice = (
         "Check that robot.model, joint_coupling and the targets in the cell file are those of this arm: the program "
-        "keeps clear only by them. Confirm to go on where it is the line of sight."
+        "keeps clear only by them. Confirm to continue if only the line of sight is blocked."
     )
 
 

@@ -66,7 +66,7 @@ def json_log(file: str | None) -> Iterator[None]:
         return
     if file != STANDARD_OUTPUT and not _may_grow(Path(file)):
         raise DataError(
-            f"{file} holds something else than a log of this program.",
+            f"{file} is not a log of this program.",
             do="Name another file; a log is appended to the content of its file.",
             key="--log",
         )

@@ -185,7 +185,7 @@ def lasting_tokens(file: Path, first: str = "operator's", harm: str = "move the 
     if usable[0] == usable[1]:
         raise DataError(
             "has the same token in both lines.",
-            do="Use two different ones.",
+            do="Use two different tokens.",
             file=file,
             line=2,
         )

@@ -172,7 +172,7 @@ def _motion(chart: Chart, status: RobotStatus, moved_deg: float) -> None:
         chart.fault(
             "motion",
             Busy(
-                f"the robot is moving, {moved_deg:.2f} deg since the first look",
+                f"the robot is moving, {moved_deg:.2f} deg since the first check",
                 what_to_do="Find out who moves it, and stop that program first.",
             ),
         )

@@ -219,15 +219,16 @@ def _refuse_mixed(
     some = f"{len(names)} of {len(rows)} readings of series '{series}' that were looked at ({listed})"
     if apart.offset is None:
         raise DataError(
-            f"{some} were measured from another station, or with the robot elsewhere. The nominal robot fits them, "
-            f"and the others, each in a separate place. In that of the others it misses them by {apart.miss:.3g} mm.",
+            f"{some} were measured from another station, or with the robot elsewhere. The nominal robot fits "
+            "these readings and the others only with a separate base position for each group. With the base position "
+            f"of the others it misses these readings by {apart.miss:.3g} mm.",
             do="Give the readings of each station a separate name in the column series.",
             file=dataset.path,
             key="series",
         )
     x, y, z = (0.0 + round(value, 1) for value in apart.offset.tolist())
     raise DataError(
-        f"{some} were taken of another tool target: at [{x:g}, {y:g}, {z:g}] mm from the one that is named, in the "
+        f"{some} belong to another tool target: at [{x:g}, {y:g}, {z:g}] mm from the named one, in the "
         "flange frame.",
         do="Name their target in the column tool_target, with its place under [tool_targets].",
         file=dataset.path,

@@ -620,7 +620,7 @@ def refuse_misfit(dataset: Dataset, found: IdentificationFit) -> None:
         return
     raise DataError(
         f"the robot '{dataset.header.robot.name}' does not fit these readings: with its parameters fitted it still "
-        f"misses half of them by {miss:.3g} mm or more, where the points spread by {extent:.3g} mm.",
+        f"misses half of them by {miss:.3g} mm or more, and the points spread by {extent:.3g} mm.",
         do="Check whether it is this robot; then its file, the order, signs and zeros of the joint columns, and that "
         "every row holds joints and point of one moment.",
         file=dataset.path.with_suffix(".toml"),

@@ -72,7 +72,7 @@ def refuse_changed(document: Mapping[str, Any], path: Path) -> tuple[str, ...]:
         )
     if written != content_hash(document):
         raise DataError(
-            "was changed after it was written: its contents do not have this hash.",
+            "was changed after it was written: its content does not have the hash that it states.",
             do=_WRITE_AGAIN,
             file=path,
             key="content_sha256",

@@ -211,10 +211,10 @@ def other_mark(names: Sequence[str]) -> str | None:
 
 
 def refuse_twice(names: Sequence[str], file: Path | str) -> None:
-    """Raise DataError when a column of the header row is there twice."""
+    """Raise DataError when a column of the header row occurs twice."""
     name, count = Counter(name for name in names if name).most_common(1)[0] if any(names) else ("", 0)
     if count > 1:
-        raise DataError(f"column '{name}' is there twice.", do="Keep one.", file=file, line=1)
+        raise DataError(f"column '{name}' occurs twice.", do="Keep one.", file=file, line=1)
 
 
 def taken(lines: Iterable[str], file: Path | str, do: str = "Correct that line.") -> Iterator[str]:

@@ -115,7 +115,7 @@ def chart_of(
     if not 1 <= first <= len(checks):
         raise DataError(
             f"has {len(checks)} values, and the reference needs {first}.",
-            do="Take fewer.",
+            do="Reduce the number of reference values.",
             key="reference",
         )
     values = np.array([check.value for check in checks])

@@ -54,7 +54,7 @@ def nest_limit(
         There are no nests, or the instrument has no declared noise.
     """
     if not nests:
-        raise DataError("are none.", do="Name the places of the nests.", key="nests")
+        raise DataError("are empty.", do="Give the positions of the nests.", key="nests")
     places = np.array(list(nests.values()))
     covariance = noise.of_points(places, np.full(places.shape, np.nan))
     spread = float(np.sqrt(2.0 * np.linalg.eigvalsh(covariance).max()))

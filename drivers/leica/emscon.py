@@ -438,7 +438,7 @@ class EmsconTracker:
                 return packet
             self._changes.append(packet.number)
             if packet.number in _GONE:
-                raise LinkLost(f"tracker says {packet.number}: it is going away", raw=packet.raw)
+                raise LinkLost(f"tracker reports {packet.number} and ends the connection", raw=packet.raw)
 
     def _read(self, count: int, what: str, deadline: str, end: float) -> bytes:
         left = max(end - self._clock(), 0.0)

@@ -386,5 +386,7 @@ class WorkerPool:
         if not isinstance(told, WorkerReport):
             return f"it cannot say which TruePose it runs ({type(told).__name__}: {told}); install {self._expected}"
         if told.program != self._expected:
-            return f"it runs TruePose {told.program}, this is {self._expected}; install the same there"
+            return (
+                f"it runs TruePose {told.program}, this is {self._expected}; install the same version there"
+            )
         return ""

@@ -93,7 +93,7 @@ def add_command(
     ] = False,
     json: options.Json = None,
 ) -> None:
-    """Keep documents, each once.
+    """Add documents to the store, each only once.
 
     Exit code 3 if one contradicts another of the same thing; both are kept.
     """
@@ -160,7 +160,7 @@ def retire_command(
     model: Model = None,
     json: options.Json = None,
 ) -> None:
-    """Say that a robot is measured no more: it is not due and needs no care. New readings of it bring it back."""
+    """Mark a robot as no longer measured, so that it is never due. New readings of it reactivate it."""
     if not because.strip():
         raise DataError("is empty.", do="Give the reason.", key="--because")
     options.check_outputs({"--json": json})
@@ -259,7 +259,7 @@ def due_command(
     ] = None,
     json: options.Json = None,
 ) -> None:
-    """Show when each robot is to be checked next, by its errors so far. Exit code 3: one is overdue."""
+    """Show when each robot must be checked next, from its errors so far. Exit code 3 if a robot is overdue."""
     options.check_outputs({"--json": json}, inputs=(hours,))
     usual = _DAYS if hours is None else _HOURS
     asked = [

@@ -57,6 +57,6 @@ def _refuse(name: str, cell: Path | None) -> None:
             f"'{name}' is not simulated.", do=f"Name {', '.join(DEVICES)}, or {CELL} CELL.toml.", key="NAME"
         )
     if name == CELL and cell is None:
-        raise DataError("needs its file.", do=f"truepose mock {CELL} CELL.toml", key="CELL.toml")
+        raise DataError("needs a cell file.", do=f"Give it: truepose mock {CELL} CELL.toml", key="CELL.toml")
     if cell is not None and not cell.is_file():
         raise DataError("there is no such file.", do="Check the name.", file=cell)

@@ -119,7 +119,11 @@ def read_tokens(file: Path) -> list[OwnToken]:
             for each in table["tokens"]
         ]
     except (KeyError, TypeError, AttributeError) as error:
-        raise DataError(f"is damaged ({error}).", do="Create it again; the cells wait.", file=file) from error
+        raise DataError(
+            f"is damaged ({error}).",
+            do="Create the file again; until then the cells keep their documents.",
+            file=file,
+        ) from error
 
 
 def write_tokens(file: Path, tokens: Sequence[OwnToken]) -> None:
@@ -142,7 +146,7 @@ def issue(file: Path, name: str, role: May, made: str, robots: tuple[RobotKey, .
     known = read_tokens(file)
     if any(each.name == name for each in known):
         raise DataError(
-            f"'{name}' has a token.", do="Take that away first: truepose fleet token revoke", file=file
+            f"'{name}' has a token.", do="Revoke that token first: truepose fleet token revoke", file=file
         )
     token = secrets.token_urlsafe(32)
     write_tokens(file, [*known, OwnToken(name, role, _digest(token), made, robots)])
@@ -185,7 +189,7 @@ def _named(file: Path, name: str) -> tuple[OwnToken, list[OwnToken]]:
         if each.name == name:
             return each, known[:i] + known[i + 1 :]
     names = ", ".join(each.name for each in known) or "nobody"
-    raise DataError(f"'{name}' has no token.", do=f"Those who have one: {names}.", file=file)
+    raise DataError(f"'{name}' has no token.", do=f"Tokens exist for: {names}.", file=file)
 
 
 class Senders:

@@ -229,7 +229,9 @@ def _read_back(
     """
     again = parse(text, path, robot, known).targets
     if [t.name for t in again] != [t.name for t in targets]:
-        raise RuntimeError("the corrected program reads otherwise than the program it was made from")
+        raise RuntimeError(
+            "the corrected program differs in more than its targets from the program it was made from"
+        )
     return robot.model_angles(postures(again, robot, coupling)[0], coupling)
 
 

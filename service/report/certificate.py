@@ -347,7 +347,7 @@ def measured_on(dataset: Dataset) -> tuple[str, str]:
         began, ended = (date.fromisoformat(day).isoformat() for day in days)
     except ValueError as error:
         raise DataError(
-            "does not say when it was measured, which a certificate must.",
+            "does not state when it was measured, which a certificate needs.",
             do='Add [measured] with began = "2026-03-02 09:15 UTC" and ended; an export of a record has them.',
             file=dataset.path.with_suffix(".toml"),
             key="measured",

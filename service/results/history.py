@@ -159,7 +159,7 @@ class Trend:
         if len(units) > 1:
             raise DataError(
                 f"has values in {' and in '.join(units)}.",
-                do="Look which program wrote them: truepose history show.",
+                do="Find out which program wrote them: truepose history show.",
                 key=points[0].parameter,
             )
         chart, because = None, _TOO_FEW

@@ -277,7 +277,7 @@ def test_a_distance_that_is_sent_again_is_not_the_next_one(
     assert bar.execute() == "succeeded"
     (error,) = [each["error"] for each in bar.events_of("attempt_failed")]
     assert "to the last digit as in the distance before" in error["message"]
-    assert "bridge still hears the instrument" in error["what_to_do"]
+    assert "bridge still receives data" in error["what_to_do"]
     assert len(sent) == 1 + 12
 
 

@@ -196,8 +196,8 @@ def test_a_file_that_cannot_be_used_lets_nobody_in(
         (["add", "hall 8", "--robot", "irb120"], "TYPE:SERIAL"),
         (["add", "office", "--role", "viewer", *NAMED], "a viewer reads of all"),
         (["allow", "hall 7"], "is missing"),
-        (["allow", "hall 9", *NAMED], "Those who have one: hall 7"),
-        (["revoke", "hall 9"], "Those who have one: hall 7"),
+        (["allow", "hall 9", *NAMED], "Tokens exist for: hall 7"),
+        (["revoke", "hall 9"], "Tokens exist for: hall 7"),
     ],
 )
 def test_what_cannot_be_meant_is_refused(

@@ -106,7 +106,7 @@ def test_without_a_date_there_is_no_certificate_and_no_work_in_vain(
 ) -> None:
     data, result = write_data(tmp_path, n=50), tmp_path / "out.json"
     assert main([command, str(data), "--dcc", str(tmp_path / "out.xml"), "--json", str(result)]) == 2
-    assert "does not say when it was measured" in capsys.readouterr().err
+    assert "does not state when it was measured" in capsys.readouterr().err
     assert not (tmp_path / "out.xml").exists()
     assert not result.exists()  # refused before the fit: nothing has been found that could be written
 

@@ -123,6 +123,6 @@ def test_a_line_is_a_line_whatever_it_says(tmp_path: Path) -> None:
 def test_a_log_is_not_written_behind_a_file_of_the_user(held: bytes, tmp_path: Path) -> None:
     file = tmp_path / "cell.toml"
     file.write_bytes(held)
-    with pytest.raises(DataError, match="something else than a log"), json_log(str(file)):
+    with pytest.raises(DataError, match="is not a log"), json_log(str(file)):
         pass
     assert file.read_bytes() == held

@@ -55,7 +55,7 @@ def test_what_converting_refuses_is_refused(tmp_path: Path) -> None:
         truepose.read(other, map=map_file)
     with pytest.raises(DataError, match="is for 1 files, and 2 are given"):
         truepose.read([files[0], other], map=map_file)
-    with pytest.raises(DataError, match="holds the header"):
+    with pytest.raises(DataError, match="contains the header"):
         truepose.read(files[0], {"robot": ROBOT}, map=map_file)
     with pytest.raises(DataError, match="several files need a map"):
         truepose.read([files[0], other])

@@ -110,7 +110,7 @@ def calibrate_command(
     dcc_about: DccAbout = None,
     json: options.Json = None,
 ) -> None:
-    """Calibrate the robot of a cell and verify it. Give the same command again to continue one that was interrupted."""
+    """Calibrate the robot of a cell and verify it. Repeat the command to continue an interrupted calibration."""
     options.check_outputs({"--json": json}, inputs=(cell, *([program] if program is not None else [])))
     the_cell = read_cell(cell)
     folder = record or Path(f"{the_cell.name}-calibration")

@@ -210,7 +210,7 @@ def finish_command(
     reason: Annotated[str, typer.Option(metavar="TEXT", help="Reason; it is kept in the record.")] = "",
     json: options.Json = None,
 ) -> None:
-    """End a paused campaign as succeeded, with the readings that it has. It cannot be resumed then."""
+    """End a paused campaign as succeeded, with the readings that it has. A finished campaign cannot be resumed."""
     options.check_outputs({"--json": json}, inputs=(record / RECORD_FILE,))
     with _at_rest(
         record,
@@ -259,7 +259,7 @@ def events_command(
         ),
     ] = None,
 ) -> None:
-    """Write the events, one JSON object per line. Oldest first; also while another program runs it."""
+    """Write the events of a campaign, one JSON object per line, the oldest first."""
     if out is not None:
         options.check_outputs({"OUT.jsonl": out}, inputs=(record / RECORD_FILE,))
         acquisition.export_events(record, out)
@@ -300,7 +300,7 @@ def export_command(
     ] = False,
     json: options.Json = None,
 ) -> None:
-    """Write the readings of a record as a data set, finished or not."""
+    """Write the readings of a record as a data set, also of an unfinished campaign."""
     accepted = _accepted(accept_other, reason)
     if streams:
         if out.suffix != ".csv":

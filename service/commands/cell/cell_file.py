@@ -11,7 +11,7 @@ from acquisition.file_table import FileSchema
 from service.commands import options
 from service.files import STANDARD_OUTPUT, write_json
 
-app = typer.Typer(help="Describe the cell file.")
+app = typer.Typer(help="Write the JSON schema of cell files.")
 
 
 @app.command("schema")

@@ -54,7 +54,7 @@ def verify_command(
     robot: options.RobotFile = None,
     json: options.Json = None,
 ) -> None:
-    """Verify a model on the robot. Give the same command again to continue one that was interrupted."""
+    """Verify a model on the robot. Repeat the command to continue an interrupted verification."""
     options.check_outputs({"--json": json}, inputs=(cell, model))
     the_cell = read_cell(cell)
     folder = record or Path(f"{the_cell.name}-verification")

@@ -100,7 +100,7 @@ def convert(
     ] = None,
     json: options.Json = None,
 ) -> None:
-    """Import foreign data."""
+    """Convert measurements of another program into a data set."""
     given = {"kind": None if holdout is None else holdout.value, "share": share, "seed": seed}
     given = {key: value for key, value in given.items() if value is not None}
     if source is not None:

@@ -212,7 +212,7 @@ def check_command(
     ] = None,
     json: options.Json = None,
 ) -> None:
-    """Check a robot file; readings name usual mistakes.
+    """Check a robot file, also with readings that reveal usual mistakes.
 
     Shows the flange in named postures, reach, wrist, inverse kinematics and oddities, and draws the arm. Exit code
     3 if the readings show a mistake, or if nothing explains them.

@@ -28,7 +28,7 @@ MOST = 50  # documents in a table
 def list_command(folder: Folder, json: options.Json = None) -> None:
     """List waiting documents, and those that cannot be sent.
 
-    Documents set aside, and files not taken, have a reason each.
+    A reason is shown for each document set aside and each file not taken.
     """
     options.check_outputs({"--json": json})
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal, _opened(folder) as outbox:

@@ -49,7 +49,7 @@ def serve_command(
     json: serving.Hello = False,
     log: serving.Log = None,
 ) -> None:
-    """Take documents in from the cells of a plant, and answer how a robot is. Nothing here moves a robot."""
+    """Receive documents from the cells of a plant, and report the state of their robots. Nothing here moves a robot."""
     for each in (host, *(name or [])):
         refuse_host(each)
     tokens = lasting_tokens(token_file, first="cells'", harm="write to the store")

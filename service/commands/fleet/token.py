@@ -48,7 +48,7 @@ def add_command(
 ) -> None:
     """Make a token and print it.
 
-    It is kept nowhere, so put it into the cell's own token file (mode 0600).
+    The token is not stored, so put it into the cell's own token file (mode 0600).
     """
     typer.echo(issue(file, name, role, f"{utc_now():%Y-%m-%d}", robots_of(robot or [])))
     if role == "cell" and not robot:

@@ -67,7 +67,7 @@ def regress_command(
     json: options.Json = None,
     report: options.Report = None,
 ) -> None:
-    """Compare regression with identification. Both see the same readings; a model can take the regression along."""
+    """Compare regression with identification. Both use the same readings. --model saves both together."""
     options.check_outputs(
         {"--json": json, "--model": model, "--report": report}, inputs=options.files_of(data)
     )

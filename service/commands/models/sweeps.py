@@ -26,7 +26,7 @@ def sweeps_command(
     ] = None,
     json: options.Json = None,
 ) -> None:
-    """Show what single joints do while they alone turn. Source: Nubiola, thesis, 2.4.1."""
+    """Analyse sweeps, in which one joint turns alone. Source: Nubiola, thesis, 2.4.1."""
     options.check_outputs({"--json": json, "--picture": picture}, inputs=options.files_of(data))
     with Terminal(quiet=json == STANDARD_OUTPUT) as terminal:
         terminal.say(f"reading {data}")

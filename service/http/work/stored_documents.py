@@ -57,6 +57,6 @@ def _damaged(path: Path, why: str) -> Problem:
     return Problem(
         500,
         f"The file {where} of the record is damaged ({why.rstrip('.')}).",
-        "Restore it from a copy of the record, or remove it; everything else can be used.",
+        "Restore it from a copy of the record, or remove it; all other files of the record can be used.",
         code=DAMAGED,
     )

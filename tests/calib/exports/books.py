@@ -239,7 +239,7 @@ def only_read(folder: Path) -> Path:
 
 
 @case("Only what the controller shows: no instrument measured it", asks=("points",), answers={"points": "TCP X [mm]"},
-      refuses="controller's own")  # fmt: skip
+      refuses="computed by the controller")  # fmt: skip
 def own_numbers(folder: Path) -> Path:
     names = [*HEAD[:6], "TCP X [mm]", "TCP Y [mm]", "TCP Z [mm]"]
     return save(folder / "a.csv", named(names, grid(J, OWN)))
