@@ -170,7 +170,7 @@ class Model:
         known = (FLANGE, *model.targets[series_of(model, stated)])
         if target not in known:
             raise DataError(
-                f"'{target}' is no target of the model.", do=f"Use {', '.join(known[1:])}.", key="target"
+                f"'{target}' is not a target of the model.", do=f"Use {', '.join(known[1:])}.", key="target"
             )
         name = series_of(model, stated)
         targets = {**model.targets, name: {FLANGE: (0.0, 0.0, 0.0), **model.targets[name]}}
@@ -200,7 +200,7 @@ class Model:
             raise DataError(
                 "the model holds several series."
                 if series is None
-                else f"'{series}' is no series of the model.",
+                else f"'{series}' is not a series of the model.",
                 do=f"Use {', '.join(names)}.",
                 key="series",
             )

@@ -61,7 +61,7 @@ class Setup:
         for group in self.groups:
             if group not in GROUPS or group == "length_zero":
                 raise DataError(
-                    f"'{group}' is no group that poses are selected for.",
+                    f"'{group}' is not a group for which poses are selected.",
                     do=f"Use some of {', '.join(g for g in GROUPS if g != 'length_zero')}.",
                     key="groups",
                 )

@@ -295,7 +295,7 @@ def _configuration(text: str) -> tuple[str, dict[int, Window]]:
     try:
         counted = [int(turn) for turn in turns]
     except ValueError as error:
-        raise ValueError(f"its CONFIG '{text.strip()}' has a turn that is no number") from error
+        raise ValueError(f"its CONFIG '{text.strip()}' has a turn that is not a number") from error
     if len(counted) != len(_TURNED) or any(abs(turn) > _MOST_TURNS for turn in counted):
         raise ValueError(f"its CONFIG '{text.strip()}' does not have three turns")
     half = 180.0 * DEG

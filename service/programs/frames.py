@@ -225,7 +225,7 @@ def pulses_of(option: str, text: str) -> tuple[float, ...]:
         pulses = (math.nan,)
     if not all(_FEWEST_PULSES <= abs(each) <= _MOST_PULSES for each in pulses):
         raise DataError(
-            f"'{text[:60]}' is no list of pulses a degree.",
+            f"'{text[:60]}' is not a list of pulses per degree.",
             do=f"Give a number for each axis, {_FEWEST_PULSES:g} to {_MOST_PULSES:g}, with ',' between.",
             key=option,
         )

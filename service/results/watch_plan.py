@@ -307,13 +307,13 @@ def _targets(cell: Cell, asked: WatchPlanRequest) -> tuple[str, ...]:
     targets = tuple(cell.tool.targets) if asked.targets is None else asked.targets
     if unknown := [name for name in targets if name not in cell.tool.targets]:
         raise DataError(
-            f"'{unknown[0]}' is no target of the cell.",
+            f"'{unknown[0]}' is not a target of the cell.",
             do=f"Use {', '.join(cell.tool.targets)}.",
             key="--targets",
         )
     if unknown := [name for name in asked.touch if name not in cell.nests]:
         raise DataError(
-            f"'{unknown[0]}' is no ball of the cell.",
+            f"'{unknown[0]}' is not a ball of the cell.",
             do=f"Name balls whose places [world] nests has: {', '.join(cell.nests)}.",
             key="--touch",
         )

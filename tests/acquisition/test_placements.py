@@ -213,7 +213,7 @@ def test_what_is_refused(options: list[str], said: str, capsys: pytest.CaptureFi
 
 def test_a_tracker_has_no_placement(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["plan-ballbar", str(EXAMPLES / "irb120_faro" / "cell.toml")]) == 2
-    assert "is no ballbar. truepose select" in capsys.readouterr().err
+    assert "is not a ballbar. truepose select" in capsys.readouterr().err
 
 
 def test_a_fourth_cup_carries_the_tool_on_every_three_of_four(cell: Cell) -> None:

@@ -146,7 +146,7 @@ def test_sixteen_numbers_that_are_no_pose_are_no_matrix(tmp_path: Path) -> None:
     text = (tmp_path / "a.csv").read_text("utf-8").splitlines()
     spoilt = [";".join([*line.split(";")[:6], "9.0", *line.split(";")[7:]]) for line in text[2:3]]
     (tmp_path / "a.csv").write_text("\n".join([*text[:2], *spoilt, *text[3:]]), "utf-8")
-    with pytest.raises(DataError, match=r"line 3.*no rotation"):
+    with pytest.raises(DataError, match=r"line 3.*not a rotation"):
         converted(made, [tmp_path / "a.csv"], "map.toml", tmp_path)
 
 
@@ -167,7 +167,7 @@ def test_a_wrong_convention_asks_for_nothing_else(tmp_path: Path) -> None:
     right = propose(files, {"robot": ROBOT, "rotation": "intrinsic-ZYZ"})
     assert converted(right.made, files, "map.toml", tmp_path).fit is not None
     for answers in ({"rotation": "upwards"}, {"rotation": "staubli", "unit.points": "furlong"}):
-        with pytest.raises(DataError, match="is none of the answers"):
+        with pytest.raises(DataError, match="is not one of the answers"):
             propose(files, {"robot": ROBOT, **answers})
 
 

@@ -171,7 +171,7 @@ def test_stopping_rule() -> None:
 @pytest.mark.parametrize(
     ("change", "joints", "words"),
     [
-        ({"groups": ("base", "wings")}, poses(30), "'wings' is no group"),
+        ({"groups": ("base", "wings")}, poses(30), "'wings' is not a group"),
         ({"groups": ()}, poses(30), "nothing to select for"),
         ({"targets": {}}, poses(30), "nothing to select for"),
         ({"noise": Noise("isotropic")}, poses(30), "noise is zero"),

@@ -100,7 +100,7 @@ def _with_tables_of_another(path: Path) -> None:
         (_with_tables_of_another, r"'orders'.*separate"),
         (
             lambda path: path.write_bytes(b"no database at all, but long enough to have a header " * 20),
-            "no database",
+            "not a database",
         ),
         (lambda path: path.mkdir(), "unable to open"),
     ],
@@ -118,7 +118,7 @@ def test_a_file_of_something_else_is_refused(
 @pytest.mark.parametrize(
     ("address", "said"),
     [
-        ("nonsense", "no address"),
+        ("nonsense", "not the address"),
         ("mysql://a@b/c", "address of mysql"),
         ("sqlite://", "names no file"),
         ("sqlite:////nowhere/at/all/store.sqlite3", "folder does not exist"),

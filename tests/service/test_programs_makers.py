@@ -154,7 +154,7 @@ def test_pulses_are_not_guessed(tmp_path: Path) -> None:
     }
     assert pulses_of("--pulses", "1,-2.5") == (1.0, -2.5)
     for wrong in ("0", "1,a", "1e9", "nan", "1,,2"):
-        with pytest.raises(DataError, match="pulses a degree"):
+        with pytest.raises(DataError, match="pulses per degree"):
             pulses_of("--pulses", wrong)
 
 

@@ -135,12 +135,12 @@ def test_what_a_column_is_said_to_be_goes_into_the_map(client: TestClient, tmp_p
         ("", ("robot=/etc/passwd",), "is '/etc/passwd'"),
         (ROBOT, ("rotations=x",), "answers 'rotations', which nothing asks"),
         (ROBOT, ("rotation",), "'rotation' is not an answer"),
-        (ROBOT, ("sigma_mm=much",), "'much' is no number above 0"),
-        (ROBOT, ("sigma_mm=nan",), "'nan' is no number above 0"),
-        (ROBOT, ("column.Pos. X [mm]=width",), "is none of the answers"),
+        (ROBOT, ("sigma_mm=much",), "'much' is not a number above 0"),
+        (ROBOT, ("sigma_mm=nan",), "'nan' is not a number above 0"),
+        (ROBOT, ("column.Pos. X [mm]=width",), "is not one of the answers"),
         (ROBOT, ("column.Pos. X [mm]=z", "column.Nr.=z"), "two columns are stated as z"),
         (ROBOT, ("column.Nothing=x",), "which nothing asks"),
-        (ROBOT, ("unit.points=furlong",), "is none of the answers"),
+        (ROBOT, ("unit.points=furlong",), "is not one of the answers"),
     ],
 )
 def test_an_answer_that_cannot_be_meant_is_refused(

@@ -61,7 +61,7 @@ def test_what_no_option_gives_is_asked_until_it_is_an_answer(
     assert load_robot("arm.toml").joints == 2
     asked = capsys.readouterr()
     assert not asked.out.strip()  # questions stand on standard error
-    assert "is no row of six numbers" in asked.err
+    assert "is not a row of six numbers" in asked.err
     assert "limits swapped: 9 to -9" in asked.err
 
 

@@ -256,4 +256,4 @@ def test_a_server_that_nobody_reaches_and_a_file_that_is_none(tmp_path: Path) ->
             assert "secret" not in str(problem(client.get("/robots"), 503))
     (tmp_path / "other.sqlite3").write_bytes(b"no database of this or any program" * 100)
     with client_of(tmp_path, store=f"sqlite:///{tmp_path}/other.sqlite3") as client:
-        assert "no database" in problem(client.get("/robots"), 500)["detail"]
+        assert "is not a database" in problem(client.get("/robots"), 500)["detail"]

@@ -99,8 +99,8 @@ def test_wanted_uncertainty(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--targets", "T1,T9"], "'T9' is no target"),
-        (["--groups", "base,wings"], "'wings' is no group"),
+        (["--targets", "T1,T9"], "'T9' is not a target"),
+        (["--groups", "base,wings"], "'wings' is not a group"),
         (["--groups", ","], "nothing to select for"),
         (["--targets", ","], "nothing to select for"),
         (["--count", "5"], "5 poses have 30 rows for 31 parameters"),

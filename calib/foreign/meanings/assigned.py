@@ -151,7 +151,7 @@ class Assigned:
             if question.key.endswith("rotation") and sequence_of(answer) is not None:
                 return answer  # any convention
             raise DataError(
-                f"{question.key} = {answer!r} is none of the answers.",
+                f"{question.key} = {answer!r} is not one of the answers.",
                 do=f"Answer with one of {', '.join(question.choices)}.",
                 file=self.layout.sheet.shown,
                 key=question.key,

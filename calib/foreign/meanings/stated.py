@@ -56,7 +56,7 @@ def stated_columns(to: Assigned) -> dict[str, str]:
         where = to.layout.sheet.shown
         if quantity not in to.choices:
             raise DataError(
-                f"{key} = {quantity!r} is none of the answers.",
+                f"{key} = {quantity!r} is not one of the answers.",
                 do=f"Answer with one of {', '.join(to.choices)}.",
                 file=where,
                 key=key,

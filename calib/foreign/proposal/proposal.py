@@ -324,7 +324,7 @@ def _number(answers: Answers, key: str, usual: float) -> float:
     with suppress(ValueError):
         if 0.0 < (value := float(text)) < np.inf:
             return value
-    raise DataError(f"{key} = {text!r} is no number above 0.", do="Write it as 0.05.", key=key)
+    raise DataError(f"{key} = {text!r} is not a number above 0.", do="Write it as 0.05.", key=key)
 
 
 def _header(parts: Sequence[Assigned], answers: Mapping[str, str], by: str) -> dict[str, Any]:

@@ -200,7 +200,7 @@ class File:
                 :1
             ]:
                 raise DataError(
-                    "the matrix is no rotation: its rows are not at right angles, of length 1 and right-handed.",
+                    "the matrix is not a rotation: its rows are not at right angles, of length 1 and right-handed.",
                     do="Check the columns rot_11 to rot_33 in the map.",
                     file=self.layout.sheet.shown,
                     line=self.layout.lines[i],

@@ -89,7 +89,7 @@ def link_of(text: str) -> DraftLink:
         alpha, a, theta, d, low, high = (float(word) for word in words[slides:])
     except ValueError as error:
         raise DataError(
-            f"'{text}' is no row of six numbers.",
+            f"'{text}' is not a row of six numbers.",
             do=f"Give {_ROW}, with blanks between and decimal points: -90 0 0 290 -165 165.",
             key="--link",
         ) from error
@@ -110,7 +110,7 @@ def _ask_convention() -> Convention:
     def known(text: str) -> Convention:
         if text == "dh" or text == "mdh":
             return text
-        raise DataError(f"'{text}' is no convention.", do="Answer dh or mdh.")
+        raise DataError(f"'{text}' is not a convention.", do="Answer dh or mdh.")
 
     return _ask("Convention of the table (dh, mdh)", known)
 
@@ -142,11 +142,11 @@ def _mass(text: str) -> float:
     except ValueError:
         mass_kg = -1.0
     if not 0.0 <= mass_kg <= HEAVIEST_KG:
-        raise DataError(f"'{text}' is no mass.", do="Give kg, or 0.")
+        raise DataError(f"'{text}' is not a mass in kg.", do="Give kg, or 0.")
     return mass_kg
 
 
 def _count(text: str) -> int:
     if not text.isdecimal() or not 1 <= int(text[:4]) <= 20:
-        raise DataError(f"'{text}' is no count of joints.", do="Give 1 to 20.")
+        raise DataError(f"'{text}' is not a number of joints.", do="Give 1 to 20.")
     return int(text)

@@ -238,7 +238,7 @@ def _hexapod(cell: Cell, path: Path, base: tuple[str, ...] | None) -> HexapodSur
     """
     if not cell.instrument.declared.measures_lengths:
         raise DataError(
-            f"the {cell.instrument.name} is no ballbar.",
+            f"the {cell.instrument.name} is not a ballbar.",
             do="truepose select chooses poses for a tracker.",
             file=path,
             key="instrument.driver",

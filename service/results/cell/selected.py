@@ -269,7 +269,7 @@ def _names(targets: Sequence[str] | None, cell: Cell) -> list[str]:
     for name in names:
         if name not in cell.tool.targets:
             raise DataError(
-                f"'{name}' is no target of the cell.",
+                f"'{name}' is not a target of the cell.",
                 do=f"Use {', '.join(cell.tool.targets)}.",
                 key="--targets",
             )
