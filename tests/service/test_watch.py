@@ -102,7 +102,7 @@ def test_a_missing_pose_is_refused_or_said(
 
     edit_rows(data, given_up)
     assert judge(model, data) == 2
-    assert "not a target" in capsys.readouterr().err
+    assert "no target" in capsys.readouterr().err
     verdict = data.with_suffix(".json")
     assert judge(model, data, "--allow-missing", "--json", str(verdict)) == 0
     notes = json.loads(verdict.read_text("utf-8"))["notes"]
