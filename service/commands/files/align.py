@@ -111,7 +111,7 @@ def align_command(
     ] = None,
     json: options.Json = None,
 ) -> None:
-    """Align the streams of a moving robot and of a tracker. Its stationary intervals become a data set."""
+    """Align the streams of a moving robot and of a tracker. The stationary intervals become a data set."""
     inputs = (robot_stream, tracker_stream, tracker_stream.with_suffix(".toml"), Path(robot))
     options.check_data_set(out, json, inputs, picture=picture)
     order = AlignmentRequest(
