@@ -1,6 +1,6 @@
-"""Test fixed seeds of the simulation, in processes of their own: it replaces modules for good.
+"""Test fixed seeds of the simulation in separate processes.
 
-Seeds that once showed a defect stay in the list.
+A simulation replaces modules for good. Seeds that once showed a defect stay in the list.
 """
 
 from __future__ import annotations

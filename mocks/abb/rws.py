@@ -1,8 +1,8 @@
-"""Simulated Robot Web Services of an ABB controller on the wire: RWS 2 of an OmniCore, or RWS 1 of an IRC5.
+"""Simulated Robot Web Services of ABB: RWS 2 of an OmniCore, or RWS 1 of an IRC5.
 
 Written from public descriptions and recorded answers, not from the driver. RWS 2 is HTTPS with a certificate that is
-made when the simulator starts, Basic authentication and HAL JSON; RWS 1 is HTTP with Digest authentication, and JSON
-where `json=1` asks for it, otherwise XHTML. These properties are kept on purpose:
+made when the simulator starts, Basic authentication and HAL JSON. RWS 1 is HTTP with Digest authentication, and JSON
+if `json=1` requests it, otherwise XHTML. These properties are kept on purpose:
 
 - A client without the cookies of its session opens another one. Beyond 70 the controller answers 503, until a session
   was not used for 300 s or is ended by `/logout`.

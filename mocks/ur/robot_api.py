@@ -17,7 +17,7 @@ PROGRAM_STATES = {1: "STOPPED", 2: "PLAYING", 4: "PAUSED"}
 
 
 class Reported(Protocol):
-    """What the API reports of a controller, and changes."""
+    """Parts of a controller that the API reports or changes."""
 
     software: tuple[int, int, int, int]
     serial: str

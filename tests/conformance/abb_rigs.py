@@ -1,4 +1,7 @@
-"""Rigs of the ABB: open_abb, stock or custom server, abb_driver with a proxied port, and Robot Web Services."""
+"""Rigs of the ABB driver: open_abb, abb_driver with a proxied port, and Robot Web Services.
+
+The server of open_abb is the stock or the custom one.
+"""
 
 from __future__ import annotations
 
@@ -104,7 +107,7 @@ def abb_simple_rig(stack: ExitStack, *, proxied: str) -> DriverRig:
 
 
 class WebReader:
-    """Robot Web Services alone: the driver asks them in a thread of its own, which waits for nobody."""
+    """Robot Web Services alone, which the driver asks in a separate thread without waiting."""
 
     name = "abb"
 
@@ -129,7 +132,7 @@ class WebReader:
 
 
 def abb_rws_rig(stack: ExitStack) -> DriverRig:
-    """Build the rig; question i reads states and joints of an arm that was put into a distinct pose."""
+    """Build the rig; question i reads states and joints of an arm in a distinct pose."""
     cell = stack.enter_context(CellThread(FILE, devices=("abb", "abb-rws")))
     proxy = stack.enter_context(FaultProxy(cell.port("abb-rws"), device=cell.do))
     assert cell.cell is not None

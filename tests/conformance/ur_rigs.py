@@ -1,4 +1,4 @@
-"""Rigs of the UR driver: RTDE behind the proxy, the real-time packet, the primary interface, and programs alone.
+"""Rigs of the UR driver: RTDE by proxy, real-time packet, primary interface, programs alone.
 
 The real-time packet and the primary interface are used with their programs. The rigs of PolyScope X have neither a
 dashboard nor port 30003.

@@ -1,4 +1,4 @@
-"""Two clients of Robot Web Services against a server, in an environment of their own.
+"""Two clients of Robot Web Services against a server, in a separate environment.
 
 Called as `.counterparts/rws/bin/python rws_peer.py PORT rws1|rws2`: abb-robot-client speaks RWS 1 and reads states and
 joints, rwswrap speaks RWS 2 and stops the RAPID program. Prints one JSON object.

@@ -1,4 +1,4 @@
-"""The simulated RMI moved by two clients of other authors."""
+"""Test the simulated RMI with two third-party clients that move it."""
 
 from __future__ import annotations
 

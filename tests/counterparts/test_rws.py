@@ -1,4 +1,7 @@
-"""The simulated Robot Web Services asked by clients that nobody here wrote: RWS 1 by abb-robot-client, 2 by rwswrap."""
+"""Test the simulated Robot Web Services with third-party clients.
+
+abb-robot-client speaks RWS 1, and rwswrap speaks RWS 2.
+"""
 
 from __future__ import annotations
 

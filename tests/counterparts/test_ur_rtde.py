@@ -21,7 +21,7 @@ PORT = 30004  # the only one that it knows
 @UR_RTDE.needed()
 @pytest.mark.parametrize("dialect", ["polyscope-3.15", "polyscope-x"])
 def test_ur_rtde_reads_what_our_driver_moves(dialect: str) -> None:
-    """Of PolyScope X without dashboard and 30003 as well: the driver sends its programs to 30001."""
+    """PolyScope X has neither dashboard nor port 30003; the driver sends programs to 30001."""
     options = ["--port", str(PORT), "--time-scale", "1000", "--dialect", dialect]
     command = [sys.executable, "-m", "mocks", "ur", *options]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT) as simulator:

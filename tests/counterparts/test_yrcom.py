@@ -1,4 +1,4 @@
-"""Yaskawa's HSES against yrcom, which nobody here wrote: its client, and its server of recorded answers."""
+"""Test Yaskawa's HSES with yrcom, a third-party client and server of recorded answers."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def arm_at(url: str, wire: object = None) -> YaskawaArm:
 
 @YRCOM.needed()
 def test_yrcom_moves_the_simulator(cell: CellThread) -> None:
-    """It reads a refusal at another place of the header than the manual, and sees one where there is a reason."""
+    """Every refusal reaches yrcom, though it reads another header field than the manual states."""
     command = [*PEER, "client", str(cell.port("yaskawa"))]
     said = json.loads(
         subprocess.run(command, capture_output=True, text=True, check=True, timeout=PATIENCE_S).stdout
@@ -79,7 +79,7 @@ class Recorder:
 
 @YRCOM.needed()
 def test_driver_with_yrcom_server(cell: CellThread, tmp_path: Path) -> None:
-    """What was recorded is read as it was; what was not, is answered in another form, and refused."""
+    """The driver reads recorded answers as before, and refuses the other answers for their form."""
     recorder = Recorder()
     arm = arm_at(cell.url("yaskawa"), recorder)
     arm.connect()

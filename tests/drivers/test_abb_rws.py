@@ -1,4 +1,7 @@
-"""The second channel of the ABB driver on a simulated OmniCore: what it sees, refuses, stops and keeps secret."""
+"""Test the second channel of the ABB driver on a simulated OmniCore.
+
+Covered are its readings, refusals, stops and secrets.
+"""
 
 from __future__ import annotations
 
@@ -392,7 +395,7 @@ def test_the_password_stays_in_its_file(tmp_path: Path) -> None:
 
     said: list[bytes] = []
 
-    class Kept:
+    class WireRecorder:
         def record(self, device: str, direction: str, data: bytes) -> None:
             said.append(data)
 
@@ -404,7 +407,7 @@ def test_the_password_stays_in_its_file(tmp_path: Path) -> None:
             rws_fingerprint=":".join(pin[i : i + 2].upper() for i in range(0, 64, 2)),
             rws_user="truepose",
             rws_password_file=str(file),
-            wire=Kept(),
+            wire=WireRecorder(),
         )
         arm.connect()
         arm.disconnect()
@@ -451,7 +454,7 @@ def test_a_wrong_cell_file_is_refused_before_anything_is_opened(
 
 
 def test_a_simulator_gets_no_password_of_the_cell_file() -> None:
-    """`--simulate` replaces the address; the keys of the cell file stay, and its file need not exist."""
+    """`--simulate` replaces the address, keeps the keys, and needs no password file."""
     with omnicore(rws_fingerprint="0" * 64, rws_user="anna", rws_password_file="/none") as (_, arm):
         arm.connect()
         assert arm.second is not None

@@ -1,4 +1,4 @@
-"""The driver of a Fanuc over RMI: numbers, hold, faults, sessions, versions, cuts."""
+"""Test the Fanuc driver over RMI: numbers, hold, faults, sessions, versions, cuts."""
 
 from __future__ import annotations
 

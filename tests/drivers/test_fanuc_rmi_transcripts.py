@@ -1,4 +1,4 @@
-"""RMI packet by packet: the driver and the simulator against conversations written by hand.
+"""Test the driver and the simulator of RMI with conversations written by hand.
 
 Spaces and the order of members are those of a controller, as its owners published them in
 FANUC-CORPORATION/fanuc_driver, issue 14, vertec-io/Fanuc_RMI_API and brechtBDCK/Fanuc_RMI.

@@ -1,4 +1,4 @@
-"""The UR driver on controllers that close their services: PolyScope 5.10 and later, and PolyScope X.
+"""Test the UR driver without some services: PolyScope 5.10 and later, and PolyScope X.
 
 Neither dashboard nor port 30003 is there; local control is seen, and a stop gets through.
 """
@@ -207,7 +207,7 @@ def test_stop_without_a_dashboard(dialect: str) -> None:
 
 @pytest.mark.parametrize("left", ["secondary", "api"])
 def test_stop_where_30001_is_gone(left: str) -> None:
-    """What is sent to the primary interface of PolyScope X is lost: 30002 takes a stop, or the Robot API does."""
+    """PolyScope X loses requests to port 30001; port 30002 or the Robot API takes the stop."""
     with (
         controller("polyscope-x", time_scale=1.0) as cell,
         FaultProxy(cell.port("ur-primary")) as proxy,
@@ -229,7 +229,7 @@ def test_stop_where_30001_is_gone(left: str) -> None:
 
 
 def test_a_stop_under_local_control_is_loud() -> None:
-    """The simulated program goes on: a person at the pendant has taken control."""
+    """The simulated program continues: a person at the pendant has taken control."""
     with controller("polyscope-x", time_scale=1.0) as cell:
         arm = creeping(cell, deadlines=replace(PATIENT, stop_s=0.3))
         arm.arm()

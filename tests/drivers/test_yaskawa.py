@@ -1,4 +1,7 @@
-"""The Yaskawa driver on its simulator: datagrams that UDP spoils, states of the controller, pulses, the job."""
+"""Test the Yaskawa driver on its simulator.
+
+Covered are datagrams that UDP spoils, states of the controller, pulses and the job.
+"""
 
 from __future__ import annotations
 
@@ -219,7 +222,7 @@ def test_stop_ends_a_move_although_its_questions_get_no_answer(slow: CellThread)
 
 
 def swallow(cell: CellThread, these: Callable[[bytes], bool]) -> None:
-    """Let the simulated server leave some requests without an answer, although it carries them out."""
+    """Let the simulated server carry out some requests without an answer."""
     assert cell.cell is not None
     protocol: Any = cell.cell._servers._datagrams[0].get_protocol()
     answer = protocol._answer
@@ -235,7 +238,10 @@ def swallow(cell: CellThread, these: Callable[[bytes], bool]) -> None:
 
 
 class Relay:
-    """A controller's port that does with each request what a test says: `deal(request, ask)` gives the answers."""
+    """A controller's port whose answers to each request a test chooses.
+
+    `deal(request, ask)` returns the answers.
+    """
 
     def __init__(self, port: int, deal: Callable[[bytes, Callable[[bytes], bytes]], list[bytes]]) -> None:
         self._device = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -355,7 +361,7 @@ def test_a_start_that_comes_twice_or_late_moves_the_robot_once(cell: CellThread)
 
 
 def test_a_start_that_was_lost_for_long_finds_nothing_to_do(cell: CellThread) -> None:
-    """It comes after the driver has given up, was armed again and has moved nothing yet."""
+    """The start arrives after the driver abandoned it and was armed again, before any motion."""
     late: list[bytes] = []
 
     def deal(request: bytes, ask: Callable[[bytes], bytes]) -> list[bytes]:
@@ -482,7 +488,7 @@ def test_a_job_of_more_axes_is_refused(cell: CellThread) -> None:
 
 
 def answered(question: Question, data: bytes) -> bool:
-    """Whether a datagram is taken for the answer to the first request of a connection."""
+    """Return whether the first request of a connection takes a datagram as its answer."""
     link = HsesLink(Address("h", 1), "yaskawa", CALM, time.monotonic)
     link._number = 1
     return link._is_answer(question, data)
@@ -508,7 +514,7 @@ SECOND = {
 
 
 def test_an_answer_byte_by_byte() -> None:
-    """As the DX100 manual prints the answer to a status request; only fields of the form may not change."""
+    """The status answer that the DX100 manual prints is valid until a field of its form changes."""
     assert answered(STATUS_QUESTION, GOOD)
     for place in range(32):
         changed = GOOD[:place] + bytes([GOOD[place] ^ 4]) + GOOD[place + 1 :]
@@ -566,7 +572,7 @@ def test_degrees_are_the_pulses_of_that_arm(
 
 
 def test_wrong_numbers_move_the_robot_elsewhere(cell: CellThread) -> None:
-    """Nobody but a person can see that: the page says how to compare."""
+    """Only a person can notice that; the page describes how to compare."""
     arm = connected(cell, pulses_per_deg=MA2010)
     arm.arm()
     arm.move_to((0.0, 10.0, 0.0, 0.0, 0.0, 0.0))

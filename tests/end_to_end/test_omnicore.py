@@ -1,4 +1,4 @@
-"""The example of an OmniCore: a whole campaign with its second channel, and one that this channel pauses."""
+"""Test the OmniCore example: a campaign with the second channel, and one that it pauses."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_it_runs_on_its_simulated_cell(tmp_path: Path) -> None:
 
 
 def paused_by(folder: Path, **told: object) -> ExecutionOutcome:
-    """Run the campaign, and let only the second channel say something else after the fifth reading."""
+    """Run the campaign, and change only the second channel after the fifth reading."""
     cell, campaign = faster("gofa_omnicore", "campaign", warm_up_s=0.0)
     file = folder / "cell.toml"
     file.write_text(cell.source, encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Changes to code whose order matters: what is looked at before or after, locked or not, woken or not.
+"""Changes to code whose order matters: checks left out or moved, locks and wake-ups removed.
 
 The simulation must notice each of them.
 """

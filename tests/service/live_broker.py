@@ -29,7 +29,10 @@ from tests.drivers.waiting import PATIENCE_S, until
 def broker(
     port: int, *, password_file: Path | None = None, tls: tuple[Path, Path] | None = None
 ) -> Iterator[None]:
-    """Run a broker on this computer until it is killed after the block; with `tls`, key and certificate."""
+    """Run a broker on this computer, and kill it after the block.
+
+    `tls` holds the files of the private key and of the certificate.
+    """
     auth: dict[str, dict[str, Any]] = {
         "amqtt.plugins.authentication.AnonymousAuthPlugin": {"allow_anonymous": True}
     }

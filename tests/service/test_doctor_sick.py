@@ -301,7 +301,7 @@ PORTS = {"realtime": -1, "secondary": -2, "primary": -3, "dashboard": -5}
 
 
 def with_closed(ur: Bench, nobody: int, *closed: str) -> Examination:
-    """Examine a UR, some of whose ports nobody serves."""
+    """Examine a UR, some of whose ports are not served."""
     first = ur.simulators.port("ur")
     ports = {name: nobody if name in closed else first + offset for name, offset in PORTS.items()}
     options = "&".join(f"{name}={port}" for name, port in ports.items())

@@ -1,9 +1,9 @@
-"""Frames and joint offsets for the controllers of five makers, used as their controllers would use them.
+"""Test frames and joint offsets for five makers as their controllers would use them.
 
-These would catch: a wrong sign, an inverted frame, angles in another order, a file that a controller cannot read, and
-numbers of frames and offsets that do not belong together. Every file is read by a reader written here, and a robot
-written here (`tests.calib.chain`) shows where the real tool is. The URDF and the YAML for ROS are read by the parsers
-of ROS and YAML.
+These would catch: a wrong sign, an inverted frame, angles in another order and a file that a controller cannot read.
+They would also catch numbers of frames and offsets that do not belong together. Every file is read by a reader written
+here, and a robot written here (`tests.calib.chain`) shows where the real tool is. The URDF and the YAML for ROS are
+read by the parsers of ROS and YAML.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def rigid(
     targets: dict[str, Vector] | None = None,
     tilt_deg: float = 0.2,
 ) -> CalibratedModel:
-    """A robot that is nominal but for its base, its tool and, if wanted, the zeros of its joints."""
+    """Return a model that is nominal but for base, tool and, if requested, the joint zeros."""
     maker = kind.partition("-")[0]
     robot, rng = load_robot(MAKERS[maker]), np.random.default_rng(5)
     targets = TARGETS if targets is None else targets
@@ -129,8 +129,8 @@ def of_vector(numbers: list[float]) -> Array:
 
 
 @dataclass
-class Known:
-    """Tools and work frames as a controller knows them after the file, by the names of the model."""
+class ControllerFrames:
+    """Tools and work frames of a controller after the file was read, by the names of the model."""
 
     tools: dict[str, Array]
     frames: dict[str, Array]
@@ -140,12 +140,12 @@ def numbers(text: str) -> list[float]:
     return [float(each) for each in re.findall(rf"(?<![\w.]){NUMBER}", text)]
 
 
-def rapid(text: str) -> Known:
+def rapid(text: str) -> ControllerFrames:
     pose = rf"\[\[({NUMBER}),({NUMBER}),({NUMBER})\],\[({NUMBER}),({NUMBER}),({NUMBER}),({NUMBER})\]\]"
     load = re.escape("[-1,[0,0,0],[1,0,0,0],0,0,0]")
     lines = [line for line in text.splitlines() if not line.startswith("  ! ")]
     assert (lines[0], lines[-1]) == ("MODULE TruePoseFrames", "ENDMODULE")
-    known = Known({}, {})
+    known = ControllerFrames({}, {})
     for line in lines[1:-1]:
         tool = re.fullmatch(rf"  PERS tooldata tTP_(\w+):=\[TRUE,{pose},{load}\];", line)
         work = re.fullmatch(
@@ -158,7 +158,7 @@ def rapid(text: str) -> Known:
     return known
 
 
-def fanuc(text: str) -> Known:
+def fanuc(text: str) -> ControllerFrames:
     program, places = text.partition("/MN\n")[2].split("/POS\n")
     points = {
         number: of_wpr(numbers(body.replace("mm", "").replace("deg", "")))
@@ -174,7 +174,7 @@ def fanuc(text: str) -> Known:
     done = [code for code in codes if not code.startswith("!")]
     assert done[1] == "PAUSE"
     names = dict(re.findall(r"!(U\w+\[\d+\]) (\w+)", "\n".join(remarks)))
-    known, register = Known({}, {}), None
+    known, register = ControllerFrames({}, {}), None
     for code in done[2:]:
         if (match := re.fullmatch(r"PR\[100\]=P\[(\d+)\]", code)) is not None:
             register = points[match[1]]
@@ -186,8 +186,8 @@ def fanuc(text: str) -> Known:
     return known
 
 
-def krl(text: str) -> Known:
-    known = Known({}, {})
+def krl(text: str) -> ControllerFrames:
+    known = ControllerFrames({}, {})
     for which, into in (("TOOL", known.tools), ("BASE", known.frames)):
         for number, body in re.findall(rf"^{which}_DATA\[(\d+)\]=\{{(.*)\}}$", text, re.MULTILINE):
             cells = dict(cell.split(" ") for cell in body.split(","))
@@ -197,25 +197,27 @@ def krl(text: str) -> Known:
     return known
 
 
-def urscript(text: str) -> Known:
+def urscript(text: str) -> ControllerFrames:
     poses = {
         name: of_vector(numbers(body))
         for name, body in re.findall(r"^tp_(\w+) = p\[(.*)\]$", text, re.MULTILINE)
     }
     tools = {name[5:]: pose for name, pose in poses.items() if name.startswith("tool_")}
-    return Known(tools, {name: pose for name, pose in poses.items() if not name.startswith("tool_")})
+    return ControllerFrames(
+        tools, {name: pose for name, pose in poses.items() if not name.startswith("tool_")}
+    )
 
 
-def yaskawa(text: str) -> Known:
+def yaskawa(text: str) -> ControllerFrames:
     tools = re.findall(r"^//TOOL \d+\n///NAME TP_(\w+)\n(.*)$", text, re.MULTILINE)
     works = re.findall(r"^//UFRAME \d+\n///NAME TP_(\w+)\n////BUSER (.*)$", text, re.MULTILINE)
-    return Known(
+    return ControllerFrames(
         {name: of_wpr(numbers(row)) for name, row in tools},
         {name: of_wpr(numbers(row)) for name, row in works},
     )
 
 
-READERS: dict[str, Callable[[str], Known]] = {
+READERS: dict[str, Callable[[str], ControllerFrames]] = {
     "abb": rapid,
     "fanuc": fanuc,
     "kuka": krl,
@@ -231,9 +233,9 @@ OF_LIST: dict[str, Callable[[list[float]], Array]] = {
 }
 
 
-def listed_frames(maker: str, text: str) -> Known:
+def listed_frames(maker: str, text: str) -> ControllerFrames:
     """The frames at the end of a file of offsets."""
-    known = Known({}, {})
+    known = ControllerFrames({}, {})
     for which, name, cells in re.findall(r"^(tool|frame) (\w+): (.*)$", text, re.MULTILINE):
         into = known.tools if which == "tool" else known.frames
         into[name] = OF_LIST[maker]([float(cell.split(" ")[1]) for cell in cells.split(", ")])
@@ -264,7 +266,7 @@ def world_of(robot: Robot) -> Array:
 
 
 def believed(robot: Robot, joints: Array, tool: Array, frame: Array) -> Array:
-    """Where the controller believes a tool to be, in a work frame."""
+    """Return the pose of a tool in a work frame according to the controller."""
     return np.linalg.inv(frame) @ np.linalg.inv(world_of(robot)) @ chain(robot, joints, {}).real @ tool
 
 
@@ -351,7 +353,7 @@ def entered(text: str) -> Array:
 
 
 def declared_zero(text: str) -> Array:
-    """By how much the shown angles grow when every axis is zeroed where the file says, deg."""
+    """Return the growth of the shown angles, deg, if every axis is zeroed as the file states."""
     mames = np.array([0.0, -90.0, 90.0, 0.0, 0.0, 0.0])
     grown = []
     for k, (zero, sign, value) in enumerate(

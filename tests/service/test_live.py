@@ -1,7 +1,8 @@
-"""Live values of a running service over MQTT and OPC UA, compared with HTTP.
+"""Test live values of a running service over MQTT and OPC UA, compared with HTTP.
 
-These would catch: a value or an event that differs from that of HTTP or is missing, a variable that a client can write,
-a connection without a token, and a cell that still seems to be there after its service has been killed.
+These would catch: a value or an event that differs from that of HTTP or is missing, and a variable that a client can
+write. They would also catch a connection without a token, and a cell that still seems present after its service was
+killed.
 """
 
 # asyncua exports by names that it does not list, and takes Python's types where its annotations have those of OPC UA.

@@ -1,7 +1,7 @@
-"""Live values over MQTT: what a broker gets, and that no broker can delay or order anything.
+"""Test live values over MQTT: messages to a broker, which can delay or order nothing.
 
-These would catch: a value that differs from HTTP, a topic that a name breaks, a message to a broker whose certificate
-is not known, a password that is sent without TLS, and a broker that makes a run wait.
+These would catch: a value that differs from HTTP, a topic that a name breaks, and a message to a broker whose
+certificate is not known. They would also catch a password that is sent without TLS, and a broker that makes a run wait.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Lists page by page: `limit`, `cursor`, and the `Link` to the next page.
+"""Test lists page by page: `limit`, `cursor`, and the `Link` to the next page.
 
-These would catch: an item that is missed or comes twice because others were added or deleted between two pages, a list
-whose whole differs from that of its pages, and a made-up cursor that is a fault of the program.
+These would catch: an item that is missed or comes twice because others were added or deleted between two pages. They
+would also catch a list that differs from its pages together, and a made-up cursor that is a fault of the program.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Data sets as Parquet: nothing is lost, and other programs read and write the same."""
+"""Test data sets as Parquet: nothing is lost, and other programs read and write the same."""
 
 from __future__ import annotations
 

@@ -1,8 +1,9 @@
-"""`python -m tests.simulation --seed N [--campaigns K]`: play histories of a cell and its service from seeds.
+"""Play histories of a cell and its service from seeds.
 
-The histories of seeds N, N + 1, ... are played until K campaigns have ended. One in which something happened that must
-never happen is shortened to the fewest steps that still show it, and printed with the command that plays it again. Add
-`--log` for everything that happened in it; under a debugger: `python -m pdb -m tests.simulation ...`.
+With `python -m tests.simulation --seed N --campaigns K`, the histories of seeds N, N + 1, ... are played until K
+campaigns have ended. One in which something happened that must never happen is shortened to the fewest steps that still
+show it, and printed with the command that plays it again. Add `--log` to print every event of it.
+`python -m pdb -m tests.simulation ...` plays it under a debugger.
 """
 
 from __future__ import annotations

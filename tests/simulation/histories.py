@@ -1,8 +1,8 @@
-"""One history: a cell, its service, the people and programs that use it, and everything that goes wrong.
+"""One history: a cell, its service, the people and programs that use it, and all faults.
 
 All of it comes from the seed. The devices are the simulators of `mocks`, behind their own wires. A history is a list
-of steps, each at its time: what a person orders, or what breaks. It ends in peace: nothing breaks any more, somebody
-resumes what rests and answers what is asked, and every campaign must come to its end.
+of steps, each at its time: an order of a person, or a fault. It ends in peace: nothing breaks any more, a person
+resumes resting runs and answers open prompts, and every campaign must come to its end.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ FAULTS = {
 
 @dataclass(frozen=True)
 class Step:
-    """One thing that happens: at a time, s, by a person or to a part; `draw` seeds what else it needs."""
+    """One order of a person, or one fault of a part; `draw` seeds its further choices."""
 
     at_s: float
     what: str
@@ -120,7 +120,7 @@ class Person:
 
 @dataclass
 class Order:
-    """A stop or pause that the service has acknowledged, and that nobody has lifted since."""
+    """A stop or pause that the service has acknowledged, and that no one has lifted since."""
 
     verb: str
     at_s: float
@@ -180,7 +180,7 @@ class History:
 
     @property
     def log(self) -> list[str]:
-        """What happened, the same on every machine."""
+        """Events of the history, the same on every machine."""
         return [line.replace(str(self._folder), "FOLDER") for line in self.scheduler.log]
 
     def find(self, text: str) -> None:
@@ -321,7 +321,7 @@ class History:
     def _ask(
         self, person: Person, draw: Random, key: str, method: str, path: str, body: Any = None
     ) -> Answer:
-        """Send a request on a bad network: it, or its answer, may be lost, and then it is sent again."""
+        """Send a request on a bad network, and again if the request or its answer is lost."""
         headers, program = {"Lease_Id": person.lease_id, "Idempotency_Key": key}, person.program
         for _ in range(3):
             if draw.random() < 0.05:  # lost on the way
@@ -370,7 +370,7 @@ class History:
         return answer
 
     def _ordered(self, program: Program, run: str, verb: str, sent_s: float) -> None:
-        """Note an order by which a run must come to rest, unless somebody has resumed it since the order was sent."""
+        """Note an order that must bring a run to rest, unless the run was resumed after it was sent."""
         if self._resumed.get(run, -1.0) >= sent_s or (run in self._orders and verb != "stop"):
             return
         order = self._orders[run] = Order(verb, self.scheduler.now)
@@ -529,7 +529,7 @@ class History:
     # -- peace ---------------------------------------------------------------------------------------------
 
     def _peace(self) -> None:
-        """Let every campaign come to its end, and look at what is left of it."""
+        """Let every campaign come to its end, and check its readings and prompts."""
         self._peaceful = True
         self.scheduler.note("peace")
         while self._doing:

@@ -1,7 +1,7 @@
-"""Python's modules of time, threads, sockets, names and databases, as the code under simulation sees them.
+"""Simulated versions of Python's modules of time, threads, sockets, names and databases.
 
-They are given to our own packages only, by `install`, whenever one of them imports such a module. What the packages
-call is the standard library's own interface, so that nothing in them knows of the simulation.
+They are given to our own packages only, by `install`, whenever one of them imports such a module. The packages
+call the standard library's own interface, so that nothing in them knows of the simulation.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _real_import = builtins.__import__
 
 
 class World:
-    """What the replaced modules act on: the scheduler of the current simulation, and its network and disk."""
+    """Scheduler, network and disk of the current simulation, on which the replaced modules act."""
 
     scheduler: Scheduler
     network: Any
@@ -395,7 +395,10 @@ def _bytes(n: int) -> bytes:
 
 
 class Connection(sqlite3.Connection):
-    """A database connection on the simulated disk: it may be full, and others run between its orders."""
+    """A database connection on the simulated disk, which may be full.
+
+    Other tasks run between its orders.
+    """
 
     held: tuple[Process, int] | None = None
 
@@ -440,7 +443,7 @@ def _like(real: ModuleType, **own: Any) -> ModuleType:
 
 
 def _copy(real: ModuleType, shims: Mapping[str, ModuleType]) -> ModuleType:
-    """Return the source of a module of the standard library, run once more upon the replaced modules."""
+    """Return a copy of a standard module, run from its source upon the replaced modules."""
     assert real.__file__ is not None
     spec = importlib.util.spec_from_file_location(f"simulated.{real.__name__}", real.__file__)
     assert spec is not None

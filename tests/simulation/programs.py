@@ -32,7 +32,7 @@ ANSWERED_S = 120.0  # longest time for an answer; a request may wait for a devic
 
 
 class Notes(Protocol):
-    """Where the simulation is told what it should know."""
+    """Part of a history that notes each event that must never happen."""
 
     scheduler: Scheduler
 
@@ -143,7 +143,7 @@ def _application(record: Path, cell: Cell) -> Any:
 
 
 class Program:
-    """A service: one process, which can be ended, or killed, and started again on the same record."""
+    """A service process that can be ended or killed, and started again on the same record."""
 
     def __init__(self, notes: Notes, name: str, record: Path, cell: Cell) -> None:
         self._notes, self.name, self.record, self._cell = notes, name, record, cell
@@ -211,7 +211,7 @@ class Program:
             self._notes.scheduler.sleep(0.1)
 
     def kill(self) -> None:
-        """End it as `kill -9` does."""
+        """End the process as `kill -9` does."""
         self._notes.scheduler.kill(self.process)
 
     def ask(self, method: str, path: str, body: Any = None, **headers: str) -> Answer:

@@ -1,8 +1,8 @@
 """Scheduler of a simulation: tasks on one thread, whose turns and whose time a seed decides.
 
-A task is a greenlet. It runs until it waits, or until a switch that the seed draws at one of the points where real
-threads can be interleaved: a lock, an event, a socket, a transaction. Time passes only when every task waits; then it
-steps to the next instant for which one waits. Every run of a seed is therefore the same.
+A task is a greenlet. It runs until it waits, or until a switch that the seed draws. Switches are possible where real
+threads can be interleaved: at a lock, an event, a socket or a transaction. Time passes only when every task waits; then
+it steps to the next instant for which one waits. Every run of a seed is therefore the same.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ class Stuck(RuntimeError):
 
 
 class Overrun(RuntimeError):
-    """The simulation took more turns than any history needs: tasks keep each other going for ever."""
+    """More turns than any history needs: tasks keep each other going for ever."""
 
 
 class Process:
-    """A program in the simulation: its tasks, and what the system would take back from it if it were killed."""
+    """A program in the simulation: its tasks, and the resources that a kill would free."""
 
     def __init__(self, name: str) -> None:
         self.name, self.alive = name, True
@@ -157,7 +157,7 @@ class Scheduler:
         self.current = None
 
     def _leave(self) -> None:
-        """Give the turn back to the hub; what belongs to the thread of the interpreter goes with the task."""
+        """Give the turn back to the hub; the running loop and hooks return with the task."""
         task = self.current
         assert task is not None, "only a task can wait"
         loop = asyncio._get_running_loop()
@@ -177,7 +177,7 @@ class Scheduler:
         heapq.heappush(self._timers, (when, next(self._numbers), wake))
 
     def park(self, seconds: float | None = None) -> bool:
-        """Let the current task wait until `wake`, at most for some seconds; return whether it was woken."""
+        """Let the current task wait until `wake` or a timeout; return whether it was woken."""
         task = self.current
         assert task is not None, "only a task can wait"
         task.waits += 1

@@ -1,7 +1,7 @@
-"""Network and event loops of a simulation: sockets of the drivers, servers of the simulated devices, and their faults.
+"""Simulated network and event loops: sockets of drivers, servers of devices, and faults.
 
-A wire is a pipe in each direction. What is sent arrives later, whole or in pieces, in its order, as TCP has it. A wire
-can be cut (both ends notice at the next use), fall silent (what is sent arrives when it is mended), or be slow.
+A wire is a pipe in each direction. Bytes arrive later, whole or in pieces, in their order, as TCP has it. A wire can be
+cut (both ends notice at the next use), fall silent (bytes arrive when it is mended), or be slow.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from tests.simulation.scheduler import Process, Scheduler, Task
 
 
 class Wire:
-    """One connection, from the client's socket (direction 0) to the server's transport, and back (1)."""
+    """One connection from a client's socket (direction 0) to a server's transport and back (1)."""
 
     def __init__(self, network: Network, number: int, port: int) -> None:
         self.network, self.number, self.port = network, number, port
@@ -51,7 +51,7 @@ class Wire:
         scheduler.at(when, lambda: self._kept.append(deliver) if self.silent else deliver())
 
     def mend(self) -> None:
-        """Let the wire work again: what was sent into a silence arrives now, as TCP sends it again."""
+        """Let the wire work again: bytes sent into a silence arrive now, as TCP sends them again."""
         self.silent, self.delay_s = False, 0.0
         kept, self._kept = self._kept, []
         for deliver in kept:
@@ -59,7 +59,7 @@ class Wire:
 
 
 class Network:
-    """All wires of a simulation, and the ports on which somebody listens."""
+    """All wires of a simulation, and the ports with a listener."""
 
     def __init__(self, scheduler: Scheduler) -> None:
         self.scheduler, self.random = scheduler, scheduler.random
@@ -105,7 +105,7 @@ class Network:
         return [each for each in reading if each.readable], [], []
 
     def cut(self, client: ClientSocket, transport: Transport) -> None:
-        """Break a connection: both ends are told."""
+        """Break a connection, and reset both ends."""
         if client.open:
             client.reset()
         transport.reset()
@@ -401,7 +401,7 @@ class SimulatedServer(asyncio.AbstractServer):
 
 
 class _Selector:
-    """What an event loop waits with: for another task's call, or an instant."""
+    """Selector that waits for another task's call, or for an instant."""
 
     def __init__(self, scheduler: Scheduler) -> None:
         self._scheduler, self._task, self._called = scheduler, None, False

@@ -1,4 +1,4 @@
-"""The installation without extras, and the extra that each other command names.
+"""Test the installation without extras, and the extra that each other command names.
 
 A process stands for it in which every package is absent that the dependencies of pyproject.toml do not bring.
 """
