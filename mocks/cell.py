@@ -249,7 +249,7 @@ class Cell:
         return ends
 
     async def _second_channel(self) -> Endpoint | None:
-        """Listen with the web server of an ABB controller, which the address of its RAPID program names."""
+        """Listen with the ABB controller's web server, whose port the RAPID address names."""
         if "abb-rws" not in self.devices:
             return None
         old, tls = self.rws.old, None if self.rws.old else self.rws.context

@@ -1,5 +1,6 @@
-"""Simulated Universal Robots controller (CB3, e-Series, PolyScope X): RTDE, 30003, 30002, 30001, dashboard, Robot API.
+"""Simulated Universal Robots controller: CB3, e-Series or PolyScope X.
 
+It serves RTDE, the ports 30001 to 30003, the dashboard and the Robot API.
 Written from the maker's sheets and manuals, not from the driver. These properties are kept on purpose:
 
 - Nothing acknowledges a program, and a new program aborts the running one.
@@ -163,7 +164,7 @@ class UrController:
     def submit(self, lines: list[str]) -> bytes:
         """Run a program or a single call from a client; it replaces the running one.
 
-        A secondary program (`sec`) runs beside it. Returns the messages for the client, of 30001 only.
+        A secondary program (`sec`) runs at the same time. Returns the messages for the client, of 30001 only.
         """
         now = self.clock.now()
         if self.is_local:

@@ -104,13 +104,13 @@ def mode_data(
 
 
 def joint_data(actual: Sequence[float], target: Sequence[float], speed: Sequence[float]) -> bytes:
-    """Return sub-package 1: of each joint its angles, speed, current, voltage, two temperatures and mode."""
+    """Return sub-package 1: angles, speed, current, voltage, temperatures and mode per joint."""
     rows = zip(actual, target, speed, strict=True)
     return package(1, b"".join(struct.pack(">3d4fB", *row, 0.1, 48.0, 30.0, 0.0, 253) for row in rows))
 
 
 def masterboard_data(safety_mode: int) -> bytes:
-    """Return sub-package 3, of a controller without the interface to an injection moulding machine.
+    """Return sub-package 3, without the interface to an injection moulding machine.
 
     Inputs and outputs, then temperature, voltage and currents, safety mode, reduced mode, the interface, and five
     values of an e-Series.

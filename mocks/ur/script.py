@@ -1,8 +1,9 @@
-"""Subset of URScript that drivers send: single calls, and programs `def name(): ... end`, or `sec` for secondary ones.
+"""Subset of URScript that drivers send: single calls and programs.
 
-Written from the script manual. It has movej, stopj, registers, rtde_set_watchdog, sleep, sync and textmsg,
-names for numbers and lists of them, and a loop that only waits for an input register. Anything else is an error
-of the program, which then does not run, as on a controller.
+A program is `def name(): ... end`, or `sec` for a secondary one. The subset is written from the script manual. It has
+movej, stopj, registers, rtde_set_watchdog, sleep, sync and textmsg, names for numbers and lists of them, and a loop
+that only waits for an input register. Anything else is an error of the program, which then does not run, as on a
+controller.
 """
 
 from __future__ import annotations
