@@ -14,9 +14,11 @@ from service import written
 _CELL = (
     *(
         "alembic",
+        "cryptography",
         "fastapi",
         "fastapi_offline",
         "filelock",
+        "h11",
         "prometheus_client",
         "pymodbus",
         "python_multipart",
@@ -26,7 +28,9 @@ _CELL = (
 EXTRAS = {
     "cell": _CELL,
     "excel": ("openpyxl",),
-    "fleet": (*_CELL, "cryptography", "dask", "distributed", "psycopg"),
+    "fleet": (*_CELL, "dask", "distributed", "psycopg"),
+    "mqtt": ("paho",),
+    "opcua": ("asyncua",),
     "pandas": ("pandas",),
     "parquet": ("pyarrow",),
 }

@@ -13,7 +13,7 @@ from contextlib import ExitStack, contextmanager
 from importlib import import_module
 from json import dumps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from filelock import FileLock, Timeout
@@ -153,11 +153,13 @@ def serve(
         name = socket.gethostname() if the_cell is None else the_cell.name
         publishers: list[LivePublisher] = []
         if broker is not None:
-            mqtt_publisher = _extra("mqtt").mqtt_publisher
+            from service.http.live.mqtt import mqtt_publisher  # of the extra `mqtt`
+
             publishers.append(stack.enter_context(mqtt_publisher(broker, name)))
         if place is not None:
-            server = _extra("opcua").OpcuaServer(name, *place, tokens, record / "opcua")
-            publishers.append(stack.enter_context(server))
+            from service.http.live.opcua import OpcuaServer  # of the extra `opcua`
+
+            publishers.append(stack.enter_context(OpcuaServer(name, *place, tokens, record / "opcua")))
         settings = ServiceSettings(
             record=record,
             tokens=tokens,
@@ -188,24 +190,6 @@ def _password(file: Path | None) -> str:
         else read_secret(file, "send in the name of this cell")
     )
     return text.strip()
-
-
-def _extra(name: str) -> Any:
-    """Import the module of an optional protocol.
-
-    Raises
-    ------
-    DataError
-        Its library is not installed.
-    """
-    try:
-        return import_module(f"service.http.live.{name}")
-    except ImportError as error:
-        raise DataError(
-            f"needs a library that is not installed ({error.name}).",
-            do=f"Install it: pip install 'truepose[{name}]'",
-            key=f"--{name}",
-        ) from error
 
 
 @contextmanager

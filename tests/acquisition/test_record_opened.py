@@ -113,7 +113,7 @@ def test_refuses_no_record_two_records_and_a_newer_one(tmp_path: Path) -> None:
     (tmp_path / "half").mkdir()  # the program ended while it made the record
     with closing(sqlite3.connect(tmp_path / "half" / FILE)) as half:
         half.executescript(SCRIPT)
-    with pytest.raises(RecordError, match="start it again in this folder"):
+    with pytest.raises(RecordError, match="holds no campaign"):
         RecordStore.open(tmp_path / "half")
     new_store(tmp_path / "half").close()
     (tmp_path / "junk").mkdir()

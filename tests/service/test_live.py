@@ -29,7 +29,6 @@ from cryptography.x509.oid import ExtendedKeyUsageOID
 from calib.errors import DataError
 from service import exit_codes
 from service.cli import main
-from service.commands import serve as serve_command
 from service.http.access.roles import Tokens
 from service.http.live.opcua import NAMESPACE, NODES, OpcuaServer
 from tests.drivers.waiting import PATIENCE_S, until
@@ -290,9 +289,10 @@ def test_the_command_refuses_what_is_not_safe(
     assert says in capsys.readouterr().err
 
 
-def test_a_library_that_is_missing_is_named_with_its_extra(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "paho.mqtt.client", None)
+def test_a_library_that_is_missing_is_named_with_its_extra(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "paho", None)
     monkeypatch.delitem(sys.modules, "service.http.live.mqtt", raising=False)
-    with pytest.raises(DataError, match="not installed") as refused:
-        serve_command._extra("mqtt")
-    assert "truepose[mqtt]" in refused.value.do
+    assert main(["serve", "--record", str(tmp_path / "record"), "--mqtt", "mqtt://127.0.0.1:1883"]) == 2
+    assert 'pip install "truepose[mqtt]"' in capsys.readouterr().err

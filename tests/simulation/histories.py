@@ -70,6 +70,7 @@ FAULTS = {
     "reboot": 2,
     "clock": 2,
     "full disk": 2,
+    "slow disk": 4,
     "kill": 4,
     "end": 2,
 }
@@ -160,6 +161,9 @@ class History:
         self._starts: set[str] = set()  # keys of the orders to start a run
         self._gone: set[str] = set()  # runs that somebody has deleted
         self._peaceful = False
+        self._full = any(
+            step.what == "full disk" for step in self.steps
+        )  # then a run may rest before its stop
         self._doing = 0
         self.campaigns = 0  # that have ended
 
@@ -384,11 +388,15 @@ class History:
                 self.find(f"the robot moves on, {AT_REST_S:g} s after a stop was acknowledged")
 
         def over() -> None:
-            if self._orders.get(run) is order and program.alive and program.service.book.busy_with == run:
+            if self._orders.get(run) is not order or not program.alive or self._full:
+                return
+            if program.service.book.busy_with == run:
                 self.find(f"run {run} goes on, {OVER_S:g} s after a stop was acknowledged")
+            elif (state := program.service.book._runs[run]._store.state.value) != "stopped":
+                self.find(f"run {run} is {state} after a stop")
 
         self.scheduler.at(self.scheduler.now + AT_REST_S, at_rest)
-        self.scheduler.at(self.scheduler.now + OVER_S, over)
+        self.scheduler.at(self.scheduler.now + OVER_S, lambda: self.scheduler.spawn("look", over))
 
     def _run_in_view(self, program: Program, draw: Random) -> dict[str, Any] | None:
         real = self._runs_of(program)
@@ -501,6 +509,10 @@ class History:
             self.disk.full = True
             scheduler.sleep(seconds)
             self.disk.full = False
+        elif what == "slow disk":
+            self.disk.slow_s = draw.choice([0.02, 0.1, 0.5])
+            scheduler.sleep(seconds)
+            self.disk.slow_s = 0.0
         elif what in ("kill", "end"):
             program = draw.choice(self._programs)
             self._look_at_readings()
@@ -534,7 +546,7 @@ class History:
         self.scheduler.note("peace")
         while self._doing:
             self.scheduler.sleep(0.5)
-        self.disk.full = self.network.refuses = False
+        self.disk.full, self.disk.slow_s, self.network.refuses = False, 0.0, False
         for wire, _, _ in self.network.wires:
             wire.mend()
         self._device("restart")

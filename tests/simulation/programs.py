@@ -107,13 +107,17 @@ service.ids.datetime = _Datetime  # type: ignore[misc]
 
 
 class Disk:
-    """The disk, which may be full."""
+    """The disk, which may be full or slow."""
 
     full = False
+    slow_s = 0.0  # longest time of an order
 
     def before(self, sql: str) -> None:
         if self.full and sql.startswith(("COMMIT", "BEGIN")):
             raise sqlite3.OperationalError("database or disk is full")
+        scheduler = modules.WORLD.scheduler
+        if self.slow_s and scheduler.current is not None and sql.startswith(("COMMIT", "BEGIN")):
+            scheduler.sleep(scheduler.random.uniform(0.0, self.slow_s))
 
 
 # -- a service and its clients ----------------------------------------------------------------------------------
