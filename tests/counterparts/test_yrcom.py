@@ -64,7 +64,7 @@ def test_yrcom_moves_the_simulator(cell: CellThread) -> None:
     assert cell.cell.arm.joints_deg() == pytest.approx(expected, abs=1e-9)
 
 
-class Recorder:
+class SessionRecorder:
     """Keeps requests and answers in yrcom's form of a recorded session."""
 
     def __init__(self) -> None:
@@ -80,7 +80,7 @@ class Recorder:
 @YRCOM.needed()
 def test_driver_with_yrcom_server(cell: CellThread, tmp_path: Path) -> None:
     """The driver reads recorded answers as before, and refuses the other answers for their form."""
-    recorder = Recorder()
+    recorder = SessionRecorder()
     arm = arm_at(cell.url("yaskawa"), recorder)
     arm.connect()
     arm.arm()

@@ -25,7 +25,7 @@ from mocks.cell import CellThread
 from mocks.cell_file import read_cell as read_simulated_cell
 from tests.simulation import modules
 from tests.simulation.cells import CELLS, REST
-from tests.simulation.programs import Answer, Disk, Program
+from tests.simulation.programs import HttpAnswer, Program, SimulatedDisk
 from tests.simulation.scheduler import Process, Scheduler
 from tests.simulation.wires import Network
 
@@ -110,7 +110,7 @@ def steps_of(seed: int) -> list[Step]:
 
 
 @dataclass
-class Person:
+class Participant:
     """Someone at the page of a service, who holds its lease or not."""
 
     name: str
@@ -146,12 +146,12 @@ class History:
         draw = Random(f"world {self.seed}")
         self.scheduler = Scheduler(self.seed, draw.choice([0.0, 0.02, 0.1, 0.3]))
         self.network = Network(self.scheduler)
-        self.disk = Disk()
+        self.disk = SimulatedDisk()
         self._robot, self._tracker, self._arm_text, self._poses = draw.choice(CELLS)
         self._attended = draw.random() < 0.8
         self._one_smr, self._two = draw.random() < 0.5, draw.random() < 0.3
         self._cell: CellThread
-        self._people: dict[str, Person] = {}
+        self._people: dict[str, Participant] = {}
         self._programs: list[Program] = []
         self._orders: dict[str, Order] = {}  # the stop or pause of a run that holds
         self._resumed: dict[str, float] = {}  # when an order to resume a run was sent last
@@ -231,7 +231,7 @@ class History:
         ):
             text = text.replace(name, value)
         file.write_text(text, "utf-8")
-        up, over, ended = modules.Event(), modules.Event(), modules.Event()
+        up, over, ended = modules.SimulatedEvent(), modules.SimulatedEvent(), modules.SimulatedEvent()
 
         def devices() -> None:
             with CellThread(read_simulated_cell(file), devices=(self._robot, self._tracker)) as cell:
@@ -259,7 +259,7 @@ class History:
             self._programs.append(Program(self, name, self._folder / name, read_cell(file)))
             self._programs[-1].start()
         self._people = {
-            name: Person(name, each) for name, each in zip(PEOPLE, 2 * self._programs, strict=False)
+            name: Participant(name, each) for name, each in zip(PEOPLE, 2 * self._programs, strict=False)
         }
         if self._attended and self._one_smr:
             for program in self._programs:
@@ -323,8 +323,8 @@ class History:
         self.scheduler.spawn(f"{step.who or 'fault'} {number}", work, self.scheduler.harness)
 
     def _ask(
-        self, person: Person, draw: Random, key: str, method: str, path: str, body: Any = None
-    ) -> Answer:
+        self, person: Participant, draw: Random, key: str, method: str, path: str, body: Any = None
+    ) -> HttpAnswer:
         """Send a request on a bad network, and again if the request or its answer is lost."""
         headers, program = {"Lease_Id": person.lease_id, "Idempotency_Key": key}, person.program
         for _ in range(3):
@@ -339,9 +339,11 @@ class History:
             if draw.random() >= 0.05:
                 return answer
             self.scheduler.sleep(draw.uniform(0.1, 3.0))  # the answer is lost
-        return Answer()
+        return HttpAnswer()
 
-    def _noted(self, program: Program, method: str, path: str, body: Any, headers: dict[str, str]) -> Answer:
+    def _noted(
+        self, program: Program, method: str, path: str, body: Any, headers: dict[str, str]
+    ) -> HttpAnswer:
         """Send a request, and note what it allows or forbids the robot."""
         run, _, order = path.removeprefix("/runs/").partition("/")
         sent_s, resumed, lifted = self.scheduler.now, -1.0, None
@@ -406,10 +408,10 @@ class History:
         runs = (program.ask("GET", "/runs").body or {}).get("runs") or []
         return [run for run in runs if not run["dry_run"]]
 
-    def _order(self, person: Person, what: str, draw: Random, number: str) -> None:
+    def _order(self, person: Participant, what: str, draw: Random, number: str) -> None:
         key = f"{person.name}-{number}"
 
-        def ask(method: str, path: str, body: Any = None) -> Answer:
+        def ask(method: str, path: str, body: Any = None) -> HttpAnswer:
             return self._ask(person, draw, key, method, path, body)
 
         if what in ("take", "take over", "beat"):
@@ -456,7 +458,7 @@ class History:
                     self._noted(program, "POST", f"/runs/{run['id']}/prompts/{prompt['id']}/confirm", {}, key)
 
     def _answer(
-        self, program: Program, run: dict[str, Any], ask: Callable[..., Answer], draw: Random
+        self, program: Program, run: dict[str, Any], ask: Callable[..., HttpAnswer], draw: Random
     ) -> None:
         for _ in range(50):
             document = program.ask("GET", f"/runs/{run['id']}").body or {}
@@ -523,7 +525,7 @@ class History:
 
     def _device(self, order: str) -> None:
         """Have the simulated devices carry out an order of their back door."""
-        cell, done = self._cell, modules.Event()
+        cell, done = self._cell, modules.SimulatedEvent()
 
         async def do() -> None:
             try:
@@ -637,7 +639,7 @@ class History:
                     )
 
 
-def _short(answer: Answer) -> str:
+def _short(answer: HttpAnswer) -> str:
     body = answer.body
     if not isinstance(body, dict):
         return ""

@@ -34,7 +34,7 @@ PACKAGES = ("drivers", "acquisition", "calib", "fleet", "service", "mocks", "tru
 _real_import = builtins.__import__
 
 
-class World:
+class Surroundings:
     """Scheduler, network and disk of the current simulation, on which the replaced modules act."""
 
     scheduler: Scheduler
@@ -42,7 +42,7 @@ class World:
     disk: Any
 
 
-WORLD = World()
+WORLD = Surroundings()
 
 
 def _now() -> Scheduler:
@@ -180,7 +180,7 @@ class Condition:
         self.notify(len(self._waiting))
 
 
-class Event:
+class SimulatedEvent:
     """A flag for which tasks wait."""
 
     def __init__(self) -> None:
@@ -258,7 +258,7 @@ class Thread:
         self.name, self.daemon = name or f"Thread-{Thread._count}", bool(daemon)
         self._target, self._args, self._kwargs = target, args, dict(kwargs or {})
         self.task: Task | None = None
-        self._ended = Event()
+        self._ended = SimulatedEvent()
 
     @property
     def ident(self) -> int | None:
@@ -295,7 +295,7 @@ class Timer(Thread):
         self, interval: float, function: Callable[..., Any], args: Any = (), kwargs: Any = None
     ) -> None:
         super().__init__()
-        self._interval, self._call, self.finished = interval, (function, args, kwargs or {}), Event()
+        self._interval, self._call, self.finished = interval, (function, args, kwargs or {}), SimulatedEvent()
 
     def cancel(self) -> None:
         self.finished.set()
@@ -394,7 +394,7 @@ def _bytes(n: int) -> bytes:
     return _now().random.randbytes(n)
 
 
-class Connection(sqlite3.Connection):
+class SimulatedConnection(sqlite3.Connection):
     """A database connection on the simulated disk, which may be full.
 
     Other tasks run between its orders.
@@ -414,7 +414,7 @@ class Connection(sqlite3.Connection):
 
 
 def _connect(*args: Any, **kwargs: Any) -> sqlite3.Connection:
-    connection: Connection = sqlite3.connect(*args, factory=Connection, **kwargs)
+    connection: SimulatedConnection = sqlite3.connect(*args, factory=SimulatedConnection, **kwargs)
     process = _me().process
     connection.held = process, process.hold(lambda: sqlite3.Connection.close(connection))
     return connection
@@ -472,7 +472,7 @@ THREADING = _like(
     Lock=Lock,
     RLock=RLock,
     Condition=Condition,
-    Event=Event,
+    Event=SimulatedEvent,
     Semaphore=Semaphore,
     BoundedSemaphore=Semaphore,
     Thread=Thread,

@@ -106,7 +106,7 @@ class _Datetime(service.ids.datetime):
 service.ids.datetime = _Datetime  # type: ignore[misc]
 
 
-class Disk:
+class SimulatedDisk:
     """The disk, which may be full or slow."""
 
     full = False
@@ -124,7 +124,7 @@ class Disk:
 
 
 @dataclass
-class Answer:
+class HttpAnswer:
     """Answer of the service. `status` 0: none came."""
 
     status: int = 0
@@ -170,7 +170,7 @@ class Program:
         """Start it, and wait until it answers."""
         process = self.process = Process(self.name)
         self.ending = False
-        ready = modules.Event()
+        ready = modules.SimulatedEvent()
         app = self._app = _application(self.record, self._cell)
 
         async def main() -> None:
@@ -218,11 +218,11 @@ class Program:
         """End the process as `kill -9` does."""
         self._notes.scheduler.kill(self.process)
 
-    def ask(self, method: str, path: str, body: Any = None, **headers: str) -> Answer:
+    def ask(self, method: str, path: str, body: Any = None, **headers: str) -> HttpAnswer:
         """Send a request and wait for the answer; none comes if the service dies."""
         scheduler, process, loop = self._notes.scheduler, self.process, self._loop
         if not process.alive or self.ending or loop is None:
-            return Answer()
+            return HttpAnswer()
         path, _, query = path.partition("?")
         content = b"" if body is None else json.dumps(body).encode()
         sent = {
@@ -246,7 +246,7 @@ class Program:
             "server": ("127.0.0.1", 80),
             "state": {},
         }
-        done, answer, parts, given = modules.Event(), Answer(), list[bytes](), list[bool]()
+        done, answer, parts, given = modules.SimulatedEvent(), HttpAnswer(), list[bytes](), list[bool]()
 
         async def receive() -> Any:
             if given:
@@ -274,10 +274,10 @@ class Program:
         end = scheduler.now + ANSWERED_S
         while not done.wait(0.5):
             if not process.alive:
-                return Answer()
+                return HttpAnswer()
             if scheduler.now > end and not self.ending:
                 self._notes.find(f"{method} {path} was not answered within {ANSWERED_S:g} s")
-                return Answer()
+                return HttpAnswer()
         if answer.status:
             answer.body = json.loads(b"".join(parts) or b"null")
         if answer.status == 500:

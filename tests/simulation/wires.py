@@ -18,7 +18,7 @@ from typing import Any
 from tests.simulation.scheduler import Process, Scheduler, Task
 
 
-class Wire:
+class SimulatedWire:
     """One connection from a client's socket (direction 0) to a server's transport and back (1)."""
 
     def __init__(self, network: Network, number: int, port: int) -> None:
@@ -65,7 +65,7 @@ class Network:
         self.scheduler, self.random = scheduler, scheduler.random
         self.splits = 0.1
         self.listeners: dict[int, tuple[SimulatedLoop, Callable[[], Any], SimulatedServer]] = {}
-        self.wires: list[tuple[Wire, ClientSocket, Transport]] = []
+        self.wires: list[tuple[SimulatedWire, ClientSocket, Transport]] = []
         self.names: dict[Any, Process] = {}  # of UNIX sockets
         self.refuses = False  # connections
         self.died: list[str] = []
@@ -86,7 +86,7 @@ class Network:
         if listens is None or self.refuses:
             raise ConnectionRefusedError(errno.ECONNREFUSED, os.strerror(errno.ECONNREFUSED))
         loop, factory, server = listens
-        wire = Wire(self, next(self._numbers), address[1])
+        wire = SimulatedWire(self, next(self._numbers), address[1])
         client = ClientSocket(self, wire, address, timeout)
         transport = Transport(loop, wire, client, factory(), server)
         client.peer = transport
@@ -151,7 +151,9 @@ class NamedLock:
 class ClientSocket:
     """The driver's end of a wire; blocking, with a timeout."""
 
-    def __init__(self, network: Network, wire: Wire, address: tuple[str, int], timeout: float | None) -> None:
+    def __init__(
+        self, network: Network, wire: SimulatedWire, address: tuple[str, int], timeout: float | None
+    ) -> None:
         self._network, self.wire, self._address, self._timeout = network, wire, address, timeout
         self.peer: Transport
         self._data: deque[bytes] = deque()
@@ -271,7 +273,12 @@ class Transport(asyncio.Transport):
     """The device's end of a wire."""
 
     def __init__(
-        self, loop: SimulatedLoop, wire: Wire, client: ClientSocket, protocol: Any, server: SimulatedServer
+        self,
+        loop: SimulatedLoop,
+        wire: SimulatedWire,
+        client: ClientSocket,
+        protocol: Any,
+        server: SimulatedServer,
     ) -> None:
         super().__init__({"peername": client.getsockname(), "sockname": ("127.0.0.1", wire.port)})
         self._loop, self.wire, self._client, self._protocol, self._server = (
