@@ -80,7 +80,7 @@ class Scheduler:
         self.most_turns = 3_000_000
         self._hub = greenlet.getcurrent()
         self._ready: list[Task] = []
-        self._timers: list[tuple[float, int, Callable[[], None]]] = []
+        self._timers: list[tuple[float, int, Callable[[], object]]] = []
         self._numbers = itertools.count(1)
         self.tasks: dict[int, Task] = {}
         self.harness = Process("harness")
@@ -172,7 +172,7 @@ class Scheduler:
 
     # -- waiting -------------------------------------------------------------------------------------------
 
-    def at(self, when: float, wake: Callable[[], None]) -> None:
+    def at(self, when: float, wake: Callable[[], object]) -> None:
         """Call `wake` in the hub when the time has come; it must not wait."""
         heapq.heappush(self._timers, (when, next(self._numbers), wake))
 
