@@ -58,7 +58,7 @@ class TextOption:
 
 @dataclass(frozen=True, slots=True)
 class NumbersOption:
-    """Positive numbers in the cell file for one driver of robots, one per joint; the file must have them."""
+    """Required positive numbers in the cell file for one driver of robots, one per joint."""
 
     key: str
     words: str = ""

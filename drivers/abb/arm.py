@@ -1,4 +1,4 @@
-"""ABB IRC5 and OmniCore over RAPID sockets: the open_abb text dialect, and our superset of it.
+"""ABB IRC5 and OmniCore over RAPID sockets: the open_abb dialect, and our superset of it.
 
 open_abb (robotics/open_abb `RAPID/SERVER.mod`, TCP 5000): request `<code> <p1> ... <pn> #`, reply
 `<code> <ok> <data>` without terminator. It answers a move after the move, reads joints back to 0.01 deg, and cannot be
@@ -72,8 +72,9 @@ class AbbArm:
     hold_deg
         Largest distance from its target at which a servo may hold a joint (`drivers.interfaces`).
     rws_fingerprint, rws_user, rws_password_file
-        Of the second channel: SHA-256 of the controller's certificate; user, and a private file with the password, by
-        default those of the factory. An address with its own `fingerprint`, that of a simulator, gets no password.
+        Access to the second channel: SHA-256 of the controller's certificate, user, and a private file with the
+        password. User and password are by default those of the factory. An address with its own `fingerprint`, that
+        of a simulator, gets no password.
     """
 
     unverified_on_hardware = True
@@ -135,7 +136,7 @@ class AbbArm:
 
     @property
     def can_stop(self) -> bool:
-        """True after CALSRV was found, or with a second channel: a stock open_abb itself cannot be stopped."""
+        """True with CALSRV or a second channel; a stock open_abb itself cannot be stopped."""
         return self._superset or self.second is not None
 
     @property
@@ -323,7 +324,7 @@ class AbbArm:
         return reached
 
     def _expect_both(self, second: SecondChannel) -> None:
-        """Check before a move that the second channel answers and agrees; it expects a move from now on."""
+        """Check before a move that the second channel agrees; it expects a move from now on."""
         try:
             seen = second.heard("move_to")
             self._calsrv.raise_if_unfit(seen.status, "arm")  # as then: nothing moves yet
@@ -414,7 +415,9 @@ class AbbArm:
         self.second.stop()
 
     def status(self) -> RobotStatus:
-        """Return the state of the controller; in the stock dialect only that it answers, or that of the second channel.
+        """Return the state of the controller.
+
+        The stock dialect only reports that the controller answers. With a second channel, its state is returned.
 
         Raises
         ------
@@ -476,7 +479,7 @@ class AbbArm:
             self._look_aside()
 
     def _look_aside(self) -> None:
-        """Detect states that the second channel saw during a move; it is not asked, so this takes no time."""
+        """Check the last state that the second channel saw during a move, without a question."""
         if self._stopped.is_set():  # open_abb answers no move that was stopped
             raise MotionStopped("stopped on its way", device=self.name, command="move_to")
         if self.second is None or (seen := self.second.last()) is None:

@@ -37,9 +37,9 @@ class AbbDeadlines:
     A move may take `move_factor` x its predicted time + `move_margin_s`. `settle_s` is the time from the reported end
     of a move to a read-back at its target, which is checked every `gap_s`.
 
-    Of the second channel (`drivers.abb.second_channel`): a question may take `rws_s`; it is asked every `rws_every_s`,
-    four questions each, where a controller answers 20 a second; `rws_silent_s` without an answer allows no move; a stop
-    may take `rws_stop_s`.
+    The second channel (`drivers.abb.second_channel`) is asked every `rws_every_s`, four questions each time; a
+    controller answers 20 per second. A question may take `rws_s`, a stop `rws_stop_s`. No move is allowed after
+    `rws_silent_s` without an answer.
     """
 
     connect_s: float = 3.0

@@ -1,4 +1,6 @@
-"""The declarations of the ABB drivers: RAPID sockets, with Robot Web Services beside them, and simple_message.
+"""The declarations of the ABB drivers: RAPID sockets and simple_message.
+
+RAPID sockets have Robot Web Services as a second channel.
 
 They have not been run against hardware yet.
 """
@@ -30,7 +32,7 @@ _OPTIONS = (
 
 
 def _details(device: RobotArm, status: RobotStatus) -> Details:
-    """Return what the second channel says; a difference between the channels is an error of its own."""
+    """Return the report of the second channel; raise an error if the channels differ."""
     if not isinstance(device, AbbArm) or device.second is None:
         return Details()
     seen = device.second.fresh("status")

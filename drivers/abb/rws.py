@@ -1,8 +1,8 @@
-"""Robot Web Services 2 (RWS 2) of an ABB OmniCore controller, RobotWare 7: states, joints and a stop over HTTPS.
+"""Robot Web Services 2 (RWS 2) of an ABB OmniCore controller, RobotWare 7, over HTTPS.
 
-One question at a time. What it relies on was found in public clients that were run against RobotWare 7 (Meraj Safari's
-`abb-rws-client`, `src/rws2/*.ts` and its recorded answers; a `node-red` palette for GoFa), and in ABB's manual of RWS 1
-(developercenter.robotstudio.com/api/rwsApi) for states and modes:
+It reads states and joints, and stops the program, one question at a time. Its facts come from public clients that were
+run against RobotWare 7: Meraj Safari's `abb-rws-client` (`src/rws2/*.ts` and its recorded answers), and a `node-red`
+palette for GoFa. States and modes come from ABB's manual of RWS 1 (developercenter.robotstudio.com/api/rwsApi).
 
 - HTTP Basic authentication, where RWS 1 of RobotWare 6 has Digest; the certificate is made by the controller itself.
 - `Accept: application/hal+json;v=2.0`; forms are `application/x-www-form-urlencoded;v=2.0`. Other types are answered
@@ -87,7 +87,7 @@ class RwsAccess:
 
 @dataclass(frozen=True, slots=True)
 class RwsState:
-    """The state of the controller as Robot Web Services reports it."""
+    """State of the controller according to Robot Web Services."""
 
     mode: str  # as in RobotStatus
     controller: str  # "motoron", "guardstop", ...
@@ -121,7 +121,7 @@ def pinned(text: str, device: str) -> str:
 
 
 def password_in(file: str, device: str) -> str:
-    """Read a password from the first line of a file that nobody else may read.
+    """Read a password from the first line of a file that no other user may read.
 
     Raises
     ------
@@ -187,7 +187,7 @@ class RwsSession:
     """A session with Robot Web Services.
 
     It is not shared between threads, except `abort`. A question that the controller answers on a dead connection is put
-    once more on a new one, since all of them can be repeated.
+    again on a new one, since all of them can be repeated.
 
     Parameters
     ----------
@@ -221,7 +221,7 @@ class RwsSession:
         Raises
         ------
         LinkError
-            The connection failed, or something else answers; the message says what.
+            The connection failed, or another service answers; the message names it.
         ConfigError
             The certificate is not pinned, or user and password are wrong.
         """
@@ -451,7 +451,7 @@ class RwsSession:
         return connection
 
     def _without_tls(self, error: ssl.SSLError) -> ProtocolError | LinkLost:
-        """Say who answers without TLS; it is asked without user and password."""
+        """Return an error that names the server without TLS, asked without user and password."""
         plain = http.client.HTTPConnection(self.access.host, self.access.port, timeout=self.limit_s)
         challenge = ""
         with suppress(OSError, http.client.HTTPException):
@@ -471,7 +471,7 @@ class RwsSession:
     # -- record -------------------------------------------------------------------------------------------
 
     def _record(self, method: str, path: str, status: int, data: bytes) -> None:
-        """Put a question and its answer on record, without user and password, if the answer is a new one."""
+        """Record a question and its answer, without user and password, if the answer is new."""
         said = b"%d %b" % (status, data)
         if self._said.get(path) != said:
             self._said[path] = said

@@ -1,15 +1,15 @@
-"""A second channel to an ABB controller besides RAPID: states and joints by Robot Web Services while a run goes on.
+"""A second channel to an ABB controller: states and joints by RWS during a run.
 
-A thread of its own asks every `rws_every_s`, and keeps the last state. The driver only looks at what is kept, so a slow
-or dead web server delays neither the robot's own channel nor its stop. Three things are checked:
+A separate thread asks Robot Web Services (RWS) every `rws_every_s`, and keeps the last state. The driver only reads the
+state that is kept, so a slow or dead web server delays neither the RAPID channel nor its stop. Its checks:
 
 - The emergency stop, the motors, the operating mode since the arming, and whether the RAPID program runs: during a
   move, and when the robot is armed.
 - The joints of a robot that both channels see at rest: they differ by at most `AGREE_DEG`, or the next question fails.
 - A channel that was silent for `rws_silent_s` allows no further move; a move under way is not ended for it.
 
-If the robot's own channel does not answer a stop, the second one stops the RAPID program (`stop`). A program that was
-stopped so goes on with its move when a person starts it: the program pointer has to be set to main first.
+If the RAPID channel does not answer a stop, the second one stops the RAPID program (`stop`). A program that was
+stopped so continues its move when a person starts it: the program pointer has to be set to main first.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _MAIN = "Set the program pointer to main before you start the program again: els
 
 
 class SecondChannel:
-    """Robot Web Services as the second channel of one robot; all methods may be called from any thread.
+    """Robot Web Services as the second channel of one robot; any thread may call its methods.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ class SecondChannel:
     # -- looks --------------------------------------------------------------------------------------------
 
     def at_rest(self, joints_deg: Sequence[float] | None) -> None:
-        """Note where the other channel sees the robot at rest; None: it may move from now on."""
+        """Note where the other channel sees the robot at rest, None if it may move from now on."""
         with self._changed:
             self._rest = None if joints_deg is None else tuple(joints_deg)
             self._rests += 1
@@ -168,9 +168,9 @@ class SecondChannel:
         return self._doubt is not None
 
     def compare_joints(self, joints_deg: Sequence[float]) -> None:
-        """Raise ProtocolError if the channels differed, and the other one still sees the robot where it was.
+        """Raise ProtocolError if the channels differed and the robot was not moved since.
 
-        A robot that somebody moved meanwhile is no difference.
+        A robot that a person moved meanwhile is no difference.
         """
         with self._changed:
             doubt, rest = self._doubt, self._rest
@@ -260,7 +260,7 @@ class SecondChannel:
     # -- stop ---------------------------------------------------------------------------------------------
 
     def stop(self) -> None:
-        """Stop the RAPID program over a separate connection, and wait until it and the robot stand still.
+        """Stop the RAPID program over a separate connection, and wait for the robot to stop.
 
         Raises
         ------
@@ -290,7 +290,9 @@ class SecondChannel:
                 session.close()
 
     def _answered(self, ask: Callable[[], object], end: float) -> bool:
-        """Return whether a question was answered, not with False; if not, wait before it is put again.
+        """Return whether a question was answered, and not with False; otherwise wait.
+
+        The caller then puts the question again.
 
         Raises
         ------

@@ -5,8 +5,8 @@ comma or point, names and units. Ambiguous text is refused with the reason, neve
 
 The point is predicted from the nominal robot and the readings before it. The nominal robot errs by millimetres and its
 place in the cell file by more. Earlier readings determine their common error, the rigid motion that moves predicted
-points onto them (Kabsch; Umeyama, PAMI 13, 1991). The rest is the error of the robot and of the tool, and a point that
-is off by much more was mistyped: it is requested again, with the slip of the hand that would explain it. If it is typed
+points onto them (Kabsch; Umeyama, PAMI 13, 1991). The rest is the error of the robot and of the tool. A point that is
+off by much more was mistyped: it is requested again, with the slip of the hand that would explain it. If it is typed
 in the same way again, or confirmed, it is accepted.
 
     order   two numbers exchanged           sign    one of them with the other sign

@@ -1,4 +1,4 @@
-"""Universal Robots (CB3, e-Series, PolyScope X) through interfaces that every controller has.
+"""Universal Robots (CB3, e-Series, PolyScope X) through interfaces of every controller.
 
 No program is installed on the controller. States come from RTDE (30004), or, if its port is closed, from the port that
 takes programs: the real-time packet (30003) or, if that is closed as well, the primary interface (30001). A move is a
@@ -10,11 +10,11 @@ compared. A damaged program then moves nothing, and an older end is not taken fo
 (`rtde_set_watchdog`) stops the arm when this program is gone. Without those registers `weakness` states what is
 missing.
 
-`stopj` over a separate connection stops at any time; if that port does not answer, the others that take programs are
-used, and the dashboard or the Robot API of PolyScope X (`drivers.ur.fallback_stop`). The other ports lie at their usual
-distances from the one in the URL; each can be given as an option (`realtime`, `secondary`, `primary`, `dashboard`,
-`api`), and `feed=realtime` or `feed=primary` does without RTDE. Which services PolyScope closes, and where a person
-opens them: `drivers.ur.software`.
+`stopj` over a separate connection stops at any time. If that port does not answer, the stop goes to the others that
+take programs, and to the dashboard or the Robot API of PolyScope X (`drivers.ur.fallback_stop`). The other ports lie at
+their usual distances from the one in the URL. Each can be given as an option (`realtime`, `secondary`, `primary`,
+`dashboard`, `api`), and `feed=realtime` or `feed=primary` does without RTDE. `drivers.ur.software` lists the services
+that PolyScope closes, and where a person opens them.
 
 Programs are refused under local control; arming asks for it. This driver never powers the arm, unlocks a protective
 stop or starts a stored program, although PolyScope X and the dashboard can: a person does, who sees the arm.
@@ -340,7 +340,7 @@ class UrArm:
         return answer
 
     def local_control(self) -> WrongMode | None:
-        """Return the error of a controller that ignores programs, None if it takes them or does not report it."""
+        """Return the error of a controller in local control, None if it is not or does not report."""
         return in_local_control(self._software) if self.in_remote_control() is False else None
 
     def closed_services(self) -> tuple[str, ...]:

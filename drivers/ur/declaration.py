@@ -18,9 +18,9 @@ _ENOUGH = (
 
 
 def _details(device: UrArm, status: RobotStatus) -> Details:
-    """Return joint temperatures, speed slider, DH numbers, closed services, and obstacles to motion.
+    """Return temperatures, speed slider, DH numbers, closed services, obstacles to motion.
 
-    Obstacles are a running program and local control.
+    Temperatures are those of the joints; obstacles are a running program and local control.
     """
     state = device.look()
     trouble = unfit(state, moving=False)

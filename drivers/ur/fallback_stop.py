@@ -27,9 +27,9 @@ def halt_elsewhere(
     deadlines: UrDeadlines,
     clock: Callable[[], float] = time.monotonic,
 ) -> None:
-    """Send `script` over every link, end the program by all other means, and wait until the arm is at rest.
+    """Send `script` over every link, end the program otherwise too, and wait for rest.
 
-    The state is read over the first of `feeds` that answers, each a connection of its own.
+    The state is read over the first of `feeds` that answers; each opens a separate connection.
 
     Raises
     ------

@@ -1,17 +1,17 @@
-"""The primary client interface of a UR controller, TCP 30001: states at 10 Hz, messages, and URScript.
+"""The primary client interface of a UR controller, TCP 30001: states, messages, URScript.
 
-Every controller has it, PolyScope X too. Packages have the form of `drivers.ur.secondary`. A state consists of three
-sub-packages: 0 modes, 1 joints, 3 masterboard with the safety mode. It has no speeds of the targets, so those of the
-joints are taken, and a state while the arm speeds up is not confirmed. Its clock counts microseconds (not documented;
-`truepose doctor` sees a clock of another rate).
+Every controller has it, PolyScope X too. States come at 10 Hz. Packages have the form of `drivers.ur.secondary`. A
+state consists of three sub-packages: 0 modes, 1 joints, 3 masterboard with the safety mode. It has no speeds of the
+targets, so those of the joints are taken, and a state while the arm speeds up is not confirmed. Its clock counts
+microseconds (not documented; `truepose doctor` sees a clock of another rate).
 
 Messages report errors (`C210A0`), run-time exceptions of a program, and texts. C210 is the answer to a program from
 a client that may only read: the controller is in local control. When a person switches it there, it drops the
 connections to this port, and those made afterwards may only read.
 
-Sources: Universal Robots, "Primary and secondary interfaces" (docs.universal-robots.com), "Remote control via TCP/IP";
-UniversalRobots/Universal_Robots_Client_Library `src/primary` (layouts of messages, masterboard; C210), and
-UniversalRobots/Universal_Robots_ROS_Driver issue 459 (local control).
+Sources: Universal Robots, "Primary and secondary interfaces" (docs.universal-robots.com), "Remote control via TCP/IP".
+For the layouts of messages and masterboard, and for C210, UniversalRobots/Universal_Robots_Client_Library
+`src/primary`. For local control, UniversalRobots/Universal_Robots_ROS_Driver issue 459.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def parse_robot_state(content: bytes) -> UrState | None:
 
 @dataclass(frozen=True, slots=True)
 class ControllerMessage:
-    """A message of the controller; `code` is that of an error, such as `C210`, empty for any other."""
+    """A message of the controller, with the code of an error, such as `C210`, or no code."""
 
     text: str
     code: str = ""
@@ -95,7 +95,7 @@ class ControllerMessage:
 
 
 def parse_message(content: bytes) -> ControllerMessage | None:
-    """Parse the content of a message: a text, an error or an exception of a program; None for any other.
+    """Parse a text, an error or an exception of a program; return None for other messages.
 
     Raises
     ------
@@ -146,9 +146,10 @@ class Primary(ScriptPort):
         raise LinkTimeout("no joints among the states", device=self.device, command=command)
 
     def takes_programs(self) -> bool | None:
-        """Find out whether the controller runs what is sent here: None if it does not say.
+        """Check whether the controller runs programs sent here; None if it does not report it.
 
-        A secondary program writes one line, which comes back. It runs beside a program, cannot move and sets nothing.
+        A secondary program writes one line, which comes back. It runs in parallel to a program, cannot move the arm and
+        sets nothing.
         """
         with suppress(LinkError), self._connection("remote control?") as link:
             self._next(link, "remote control?")

@@ -1,11 +1,12 @@
-"""The Robot API of PolyScope X (software 10.11 or later), HTTP: what became of the dashboard.
+"""The Robot API of PolyScope X (software 10.11 or later), HTTP, in place of the dashboard.
 
-It tells local from remote control (10.12) and the serial number (10.14), and stops a program; a change needs remote
+It reports local or remote control (10.12) and the serial number (10.14), and stops a program; a change needs remote
 control (otherwise 403). It also loads and starts programs that are stored on the controller, which this driver does
 not need: its programs are URScript, sent to 30001. Redirections are not followed.
 
-Sources: UniversalRobots/Universal_Robots_Client_Library `src/ur/dashboard_client_implementation_x.cpp` (paths,
-versions, bodies); Universal Robots, PolyScope X SDK, "Resources". Not tried on a controller.
+Sources: for paths, versions and bodies, UniversalRobots/Universal_Robots_Client_Library
+`src/ur/dashboard_client_implementation_x.cpp`. Universal Robots, PolyScope X SDK, "Resources". Not tried on a
+controller.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ _SERIAL = re.compile(r"[A-Za-z0-9-]{1,40}")
 
 
 class RobotApi:
-    """Requests to the Robot API; what it does not answer is None, and nothing raises."""
+    """Requests to the Robot API; an unanswered one gives None or an empty text, never an error."""
 
     def __init__(self, address: Address, device: str, deadlines: UrDeadlines, wire: WireSink | None) -> None:
         self._address, self._device, self._wire = address, device, wire

@@ -1,8 +1,8 @@
 """RTDE, the Real-Time Data Exchange of UR controllers (TCP 30004, protocol version 2).
 
 Package: u16 size with its header, u8 type, payload, big-endian. Universal Robots, "Real-Time Data Exchange (RTDE)
-guide". States only flow between START and PAUSE, and the driver requests both: a state that it uses was sent after its
-question, and nothing is unread when it asks the next one.
+guide". States only flow between START and PAUSE, and the driver requests both. A state that it uses was therefore sent
+after its question, and nothing is unread when it asks the next one.
 
 From software 3.9 on there are integer registers for external clients (24 to 47). Register 46 serves twice. As input it
 is held by one client at a time, so that a second one is refused, and the watchdog of the running program waits for it.

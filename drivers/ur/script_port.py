@@ -1,7 +1,7 @@
-"""A port of a UR controller that streams states and takes URScript; each question opens a separate connection.
+"""A port of a UR controller that streams states and takes URScript.
 
-The controller streams from the moment of the connection, and its stream cannot be paused. A package that arrives on a
-connection opened for a question was therefore sent after the question.
+Each question opens a separate connection. The controller streams from the moment of the connection, and its stream
+cannot be paused. A package that arrives on a connection opened for a question was therefore sent after the question.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ class ScriptPort:
     def talk(
         self, command: str, *, outlives_close: bool = False
     ) -> Iterator[tuple[StateConfirmer, Callable[[str], None]]]:
-        """Open a connection to send a program and read states, where WrongMode is the refusal of a program.
+        """Open a connection to send a program and read states; a refused program is WrongMode.
 
         A UR controller must have sent a state first, except for a stop, which does not wait for that. The connection is
         held until the controller has read the program: closing it with states unread resets it. With `outlives_close`,

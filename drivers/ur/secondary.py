@@ -1,8 +1,8 @@
 """The secondary client interface of a UR controller, TCP 30002: identity, kinematics.
 
-The primary one (30001, `drivers.ur.primary`) sends the same, and messages beside it. Packages have `>IB` size with its
-header, and type: 16 robot state, with sub-packages of the same form, 20 message. On every
-new connection the controller sends its version message, and then two sub-packages once:
+The primary one (30001, `drivers.ur.primary`) sends the same, and messages as well. Packages have `>IB` size with its
+header, and type: 16 robot state, with sub-packages of the same form, 20 message. On every new connection the controller
+sends its version message, and then two sub-packages once:
 
 - 6, the configuration data: limits, nominal DH numbers, type of the arm
 - 5, the kinematics (software 3.6 or later): DH numbers of this individual arm, calibrated at the factory
@@ -178,7 +178,7 @@ def read_factory(link: TcpLink, deadlines: UrDeadlines) -> Factory:
 
 
 def read_software(link: TcpLink, deadlines: UrDeadlines) -> Software | None:
-    """Read the version that a controller sends first, over a link to 30002 or 30001 that is not open yet.
+    """Read the version that a controller sends first, over a closed link to 30002 or 30001.
 
     Raises
     ------

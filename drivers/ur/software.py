@@ -1,13 +1,13 @@
-"""The software of a UR controller: which services it can close, and where a person opens them.
+"""The software of a UR controller: services it can close, and where a person opens them.
 
-Software 3 is a CB3, 5 an e-Series with PolyScope 5, 10 PolyScope X. PolyScope can close each interface as a service
-from 5.10 on; a new controller has all of them closed from 5.17 on, and an update leaves them as they were. PolyScope X
+Software 3 is a CB3, 5 an e-Series with PolyScope 5, 10 PolyScope X. From 5.10 on, PolyScope can close each interface as
+a service. From 5.17 on, a new controller has all of them closed, and an update leaves them as they were. PolyScope X
 has them closed too, and no dashboard. Its successor is the Robot API from 10.11 on (`drivers.ur.robot_api`). An
 e-Series accepts programs only under remote control; PolyScope X has that mode in its safety overview.
 
 Sources: Universal Robots, "Secure setup of UR cobots" (5.10), "Securely enable external access to services on UR
-cobots" (5.17), manual of software 10.12, "Remote Mode in Safety Overview"; UniversalRobots/
-Universal_Robots_Client_Library `doc/setup/robot_setup.rst`, its issue 240 (PolyScope X) and `doc/architecture`.
+cobots" (5.17), manual of software 10.12, "Remote Mode in Safety Overview". For PolyScope X, issue 240 of
+UniversalRobots/Universal_Robots_Client_Library; its `doc/setup/robot_setup.rst` and `doc/architecture`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ REALTIME = "Real-Time Client Interface"
 DASHBOARD = "Dashboard Server"
 
 Software = tuple[int, ...]
-"""Major, minor, bug fix, build, as far as they are known."""
+"""Major, minor, bug fix, build, if known."""
 
 E_SERIES: Software = (5,)
 POLYSCOPE_X: Software = (10,)
@@ -34,7 +34,7 @@ def software_of(text: str) -> Software | None:
 
 
 def named(software: Software) -> str:
-    """Return the name of the software: `PolyScope X 10.12`, `PolyScope 5.11`."""
+    """Return the name of the software, such as `PolyScope X 10.12`."""
     generation = "PolyScope X" if software >= POLYSCOPE_X else "PolyScope"
     return f"{generation} {'.'.join(map(str, software[:2]))}"
 

@@ -5,8 +5,8 @@ the next one confirms it: same modes and registers, and no joint further away th
 controller has to advance from one to the next; a repeated, late or swapped package is a ProtocolError. So is a step of
 that clock within one question; between two questions it is not checked.
 
-Numbers of the modes: Universal Robots, "Real-Time Data Exchange (RTDE) guide"; from 14 on UniversalRobots/
-Universal_Robots_Client_Library, `ur/datatypes.h`.
+The numbers of the modes come from Universal Robots, "Real-Time Data Exchange (RTDE) guide"; from 14 on, from
+UniversalRobots/Universal_Robots_Client_Library, `ur/datatypes.h`.
 """
 
 from __future__ import annotations

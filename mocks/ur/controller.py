@@ -39,7 +39,7 @@ from mocks.ur.packets import (
     version_message,
 )
 from mocks.ur.registers import Registers, Variable
-from mocks.ur.robot_api import RobotApi
+from mocks.ur.robot_api import SimulatedRobotApi
 from mocks.ur.rtde import RtdeClient, unsimulated
 from mocks.ur.script import AWAIT, Call, ScriptError, ScriptReader, parse_program
 from mocks.ur.servo import Servo
@@ -272,7 +272,7 @@ class UrController:
             Endpoint("ur" if name == "rtde" else f"ur-{name}", name, first + PORTS[name]) for name in handlers
         ]
         if self.is_polyscope_x:
-            ends.append(Endpoint("ur-api", "http", await servers.listen(RobotApi(self).serve)))
+            ends.append(Endpoint("ur-api", "http", await servers.listen(SimulatedRobotApi(self).serve)))
         return ends
 
     async def serve_rtde(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:

@@ -33,7 +33,7 @@ class Reported(Protocol):
     def end_program(self) -> None: ...
 
 
-class RobotApi:
+class SimulatedRobotApi:
     """Requests about one controller."""
 
     def __init__(self, controller: Reported) -> None:

@@ -20,7 +20,7 @@ VENDOR = 0x1F  # status of a refusal with an added status
 Fields = tuple[int, int, int, int]
 
 
-class Refusal(Exception):
+class HsesRefusal(Exception):
     """A request that is refused, with status and added status."""
 
     def __init__(self, status: int, added: int = 0) -> None:
@@ -28,9 +28,9 @@ class Refusal(Exception):
         self.status, self.added = status, added
 
 
-def vendor(added: int) -> Refusal:
+def vendor(added: int) -> HsesRefusal:
     """Return the usual refusal, with its reason."""
-    return Refusal(VENDOR, added)
+    return HsesRefusal(VENDOR, added)
 
 
 class HsesServer:
@@ -74,7 +74,7 @@ class HsesServer:
         number, service = request[11], request[29]
         try:
             data, status, added = self._carry_out(request), 0, 0
-        except Refusal as refusal:
+        except HsesRefusal as refusal:
             data, status, added = b"", refusal.status, refusal.added
         head = b"YERC" + struct.pack("<HHBBBB", 32, len(data), 3, 1, 1, number)
         head += struct.pack("<I", LAST) + b"99999999"
@@ -97,7 +97,7 @@ class HsesServer:
             raise vendor(0xE4A1)
         fields: Fields = struct.unpack("<HHBB", request[24:30])
         if fields[0] not in self.commands:
-            raise Refusal(0x08)
+            raise HsesRefusal(0x08)
         return self.commands[fields[0]](fields, request[32:])
 
     # -- reading ------------------------------------------------------------------------------------------
@@ -147,14 +147,14 @@ class HsesServer:
         command, variable, attribute, service = fields
         letter, form = {0x7B: ("I", "<h"), 0x7C: ("D", "<i")}[command]
         if variable > 99:
-            raise Refusal(0x28)
+            raise HsesRefusal(0x28)
         if attribute != 1:
             raise vendor(0xA002)
         name = f"{letter}{variable:03d}"
         if service == GET_ONE:
             return struct.pack(form, self.controller.variables.value(name))
         if service != SET_ONE:
-            raise Refusal(0x08)
+            raise HsesRefusal(0x08)
         if len(data) != struct.calcsize(form):
             raise vendor(0xB003)
         self.controller.variables.put(name, *struct.unpack(form, data))
@@ -164,7 +164,7 @@ class HsesServer:
         _, variable, attribute, service = fields
         positions = self.controller.variables.positions
         if variable > 127:
-            raise Refusal(0x28)
+            raise HsesRefusal(0x28)
         if attribute != 0:
             raise vendor(0xA002)
         if service == GET_ALL:
@@ -172,7 +172,7 @@ class HsesServer:
                 raise vendor(0xB001)
             return struct.pack("<5I8i", 0, 0, 0, 0, 0, *positions[variable])
         if service != SET_ALL:
-            raise Refusal(0x08)
+            raise HsesRefusal(0x08)
         if len(data) != 52:
             raise vendor(0xB003)
         kind, _, tool, user, _, *pulses = struct.unpack("<5I8i", data)
@@ -266,11 +266,11 @@ class HsesServer:
 def _asked(fields: Fields, *, instance: int | None = None, attribute: int, service: int) -> None:
     """Refuse a request with another instance, attribute or service."""
     if instance is not None and fields[1] != instance:
-        raise Refusal(0x28)
+        raise HsesRefusal(0x28)
     if fields[2] != attribute:
         raise vendor(0xA002)
     if fields[3] != service:
-        raise Refusal(0x08)
+        raise HsesRefusal(0x08)
 
 
 def _switched(fields: Fields, data: bytes, allowed: tuple[int, ...]) -> int:
