@@ -379,9 +379,10 @@ class Client:
         )
 
     def each(self, collection: str, *, limit: int = 100) -> Iterator[Mapping[str, Any]]:
-        """Yield the documents of a list such as `runs`, `datasets` or `deletions`, `limit` of them per request.
+        """Yield the documents of a list such as `runs`, `datasets` or `deletions`.
 
-        Documents that exist all the time come once, even if others are added or deleted meanwhile.
+        Each request asks for `limit` of them. Documents that exist all the time come once, even if others are added or
+        deleted meanwhile.
 
         Raises
         ------

@@ -17,13 +17,13 @@ The tool `flange` is F alone: put it in front of your own tools.
 
 Sources:
 
-- ABB RAPID: `tooldata` and `wobjdata` of the maker's data types; mass -1 is a load that is not yet defined.
+- ABB RAPID: `tooldata` and `wobjdata` of the maker's data types. Mass -1 is a load that is not yet defined.
 - Fanuc TP: `PR[n]=P[m]`, `UTOOL[k]=PR[n]`, `UFRAME[k]=PR[n]`, three decimals, as in github.com/LeroyDu56/CrossArm
   (tests/fixtures/probes/maketp), whose programs the maker's ROBOGUIDE has loaded and run.
 - KUKA: lines `TOOL_DATA[n]={X ..,C ..}`, `TOOL_NAME[n,]=".."` of `$config.dat`, as public post-processors read them.
 - UR: `set_tcp` and `pose_trans` of the script manual.
-- Yaskawa: TOOL.CND as in github.com/SinaiAranda/motoman_sda20d_sys; the row `////BUSER` of UFRAME.CND. Rx, Ry, Rz turn
-  in the order Rz, Ry, Rx (DX100 manual 156191-1CD, 4.3.1).
+- Yaskawa: TOOL.CND as in github.com/SinaiAranda/motoman_sda20d_sys, and the row `////BUSER` of UFRAME.CND. Rx, Ry, Rz
+  turn in the order Rz, Ry, Rx (DX100 manual 156191-1CD, 4.3.1).
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ NOT_TRIED = (
 
 @dataclass(frozen=True)
 class NamedFrame:
-    """A frame with its name for people, its name or number in the controller, and its numbers as written."""
+    """A frame with its name for people, its name or number in the controller, and its numbers."""
 
     name: str
     key: str
@@ -63,7 +63,7 @@ class NamedFrame:
 
 @dataclass(frozen=True)
 class FrameDialect:
-    """How the controllers of a maker write frames.
+    """Notation of frames in the controllers of a maker.
 
     Attributes
     ----------
@@ -76,8 +76,8 @@ class FrameDialect:
     pose : callable
         Returns the pose (4, 4) of such numbers, mm.
     keys : callable
-        Returns the name or number in the controller of every tool, then of every work frame, by the names for people;
-        those that the controller has no place for are missing.
+        Returns the name or number in the controller of every tool, then of every work frame, by the names for people.
+        Those that the controller has no place for are missing.
     file : callable
         Returns the file of tools and work frames below lines about it.
     tool, frame : str
@@ -99,7 +99,10 @@ class FrameDialect:
     of_file: tuple[str, ...] = ()
 
     def frames(self, export: ExportRequest) -> tuple[list[NamedFrame], list[NamedFrame]]:
-        """Return the tools, `flange` first, and the work frames, `base` first, that the controller has a place for."""
+        """Return the tools and the work frames that the controller has a place for.
+
+        The first tool is `flange`, the first work frame `base`.
+        """
         tools, works = _poses(export)
         of_tools, of_works = self.keys(list(tools), list(works))
         made = [
@@ -217,9 +220,10 @@ def comment(lines: Iterable[str], mark: str, width: int = 100) -> list[str]:
 
 
 def identifiers(names: Sequence[str], prefix: str, most: int) -> dict[str, str]:
-    """Return an identifier for each name: letters, digits and `_` after a prefix, at most `most` characters.
+    """Return an identifier of at most `most` characters for each name.
 
-    Two that differ only in capitals count as the same to controllers; the later one gets a number.
+    It has letters, digits and `_` after the prefix. Two that differ only in capitals count as the same to controllers;
+    the later one gets a number.
     """
     out: dict[str, str] = {}
     taken: set[str] = set()

@@ -1,22 +1,22 @@
-"""Joint offsets as instructions for the screens of each maker, with the frames that belong to them.
+"""Joint offsets as instructions for the screens of each maker, with their frames.
 
 An offset is what must be added to the angle that the controller counts:
 
     real angle = shown angle + offset
 
 A controller is corrected by declaring, without moving the arm, that the shown angle is greater by the offset. No
-maker's own number is computed here, because each has other units and its own sign: ABB counts motor radians (joint
+maker's own number is computed here, because each has other units and its own sign. ABB counts motor radians (joint
 angle times a signed gear ratio), Fanuc and Yaskawa encoder counts, KUKA an angle at the mastering notch. Instead the
-axis goes to where the real one is at zero, that is to where it shows minus the offset, and the controller itself
-declares this place to be its zero. Only a UR takes an angle: its `delta_theta` is added to the joint angle.
+axis goes to where the real one is at zero, which is where it shows minus the offset. The controller itself declares
+this place to be its zero. Only a UR takes an angle: its `delta_theta` is added to the joint angle.
 
-The offset of joint 1 is the turn of the work frame about z, so joint 1 keeps its zero; the turn of the tool about the
-last axis is that of the last joint. Each file has two checks that show a wrong sign: what the display must show before
-the arm has moved, and where the tool must be afterwards at the same shown angles. A wrong sign doubles the error.
+The offset of joint 1 is the turn of the work frame about z, so joint 1 keeps its zero. The turn of the tool about the
+last axis is that of the last joint. Each file has two checks that show a wrong sign. One is the display before the arm
+has moved, the other the place of the tool afterwards at the same shown angles. A wrong sign doubles the error.
 
 Sources, none of them tried on a controller:
 
-- Fanuc: position = (encoder count - master count) . scale; menu MASTER/CAL (industrialmonitordirect.com, "Reset FANUC
+- Fanuc: position = (encoder count - master count) . scale, menu MASTER/CAL (industrialmonitordirect.com, "Reset FANUC
   extended axis master count without continuous turn").
 - KUKA: `$MAMES` and dial mastering (the same site, "KR6-2 mastering A2 axis" and "Robot mastering without dial
   indicator").
@@ -52,7 +52,7 @@ _OF_ALL = "All taught points, safety zones and limits count from the new zeros: 
 
 @dataclass(frozen=True)
 class Screens:
-    """What to do on a maker's screens.
+    """Instructions for a maker's screens.
 
     Attributes
     ----------
@@ -165,7 +165,7 @@ def _model_offsets(export: ExportRequest, counted: Array) -> Array:
 
 
 def _counted_offsets(export: ExportRequest) -> Array:
-    """Return the offsets (N,) of the angles that the controller counts, rad, rounded as they are written."""
+    """Return the offsets (N,) of the angles that the controller counts, rad, as written."""
     robot = export.robot
     model = np.array([export.carried.values.get(f"theta{k}", 0.0) for k in range(1, robot.joints + 1)])
     turned, rest = robot.controller_angles(np.stack([model, np.zeros_like(model)]), export.coupling)
@@ -177,9 +177,10 @@ def _changes(offsets: Array) -> dict[str, float]:
 
 
 def _displacements(export: ExportRequest, joints: Array, point: Array, offsets: Array) -> Array:
-    """Return how far a point of the flange moves when offsets (N,) of the model are no longer there, (n, 3), mm.
+    """Return the displacements of a point of the flange, (n, 3), mm.
 
-    `joints` (n, N) are model angles, which the controller shows before and after.
+    It moves because the offsets (N,) of the model are no longer there. `joints` (n, N) are model angles, which the
+    controller shows before and after.
     """
     before, after = (poses_with(export.robot, joints, change) for change in (_changes(offsets), {}))
     return (after - before)[:, :3] @ np.append(point, 1.0)

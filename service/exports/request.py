@@ -59,7 +59,10 @@ class Format:
 
 
 def for_maker(begins: str, called: str) -> Callable[[Robot], None]:
-    """Return a check that raises DataError unless a robot has six joints and its maker's name `begins` so."""
+    """Return a check that raises DataError unless a robot has six joints and is of the maker.
+
+    The name of the maker in robot files `begins` so.
+    """
 
     def suits(robot: Robot) -> None:
         theirs = robot.maker.casefold().startswith(begins.casefold())

@@ -1,22 +1,22 @@
-"""The four rows of a UR's `calibration.conf` that hold its kinematics, and the frames that they leave over.
+"""The kinematic rows of a UR's `calibration.conf`, and the frames that they leave over.
 
     [mounting]
     delta_theta = [ .., .., .., .., .., .. ]      rad, and so on: delta_a, delta_d in m, delta_alpha in rad
 
 The controller adds them to the DH numbers of its type: T_k = Rz(q + delta_theta) Tz(d + delta_d) Tx(a + delta_a)
-Rx(alpha + delta_alpha). Between two axes four numbers hold every geometry, the twist of parallel axes too: the common
-normal of axes that are nearly parallel is far away, so d is large there (a hundred metres in the files of real arms)
-and theta and a belong to this normal. What is in front of axis 1, and what is behind axis 6 except along it, has no
-place: it is written as a base frame and a tool.
+Rx(alpha + delta_alpha). Between two axes four numbers hold every geometry, the twist of parallel axes too. The common
+normal of axes that are nearly parallel is far away. So d is large there (a hundred metres in the files of real arms),
+and theta and a belong to this normal. Parts in front of axis 1, and parts behind axis 6 except along it, have no
+place. Their geometry is written as a base frame and a tool.
 
     O_{k+1} = Rz(t) Tz(s) Tx(a) Rx(alpha) Rz(t') Tz(s')
 
 is solved for each frame O between two axes (`calib.compensate.joint_origins`); t', s' pass to the next joint.
 
-Sources: the layout and the sum q + delta_theta: `configs/calibration.conf` and `data` of
-github.com/weijieyong/UR_kinematics_calib, whose controller's own poses these formulas meet within 0.08 mm; a second
-file: `.urcontrol` of github.com/philipmarschner/dmp_project. The DH numbers of the types: Universal Robots, "DH
-parameters for calculations of kinematics and dynamics". Not loaded into a controller.
+The layout and the sum q + delta_theta are from `configs/calibration.conf` and `data` of
+github.com/weijieyong/UR_kinematics_calib. These formulas meet its controller's own poses within 0.08 mm. A second file
+is `.urcontrol` of github.com/philipmarschner/dmp_project. The DH numbers of the types are from Universal Robots, "DH
+parameters for calculations of kinematics and dynamics". No file was loaded into a controller.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def _numbers(name: str) -> Array:
 
 
 def _dh(origins: Array, behind_mm: float) -> Array:
-    """Solve the frames (6, 4, 4), mm, between the joints for theta, a, d, alpha (4, 6), rad and m.
+    """Solve the frames (6, 4, 4), mm, between joints for theta, a, d, alpha (4, 6), rad and m.
 
     The first frame must be a turn about z and a shift along it. The flange is `behind_mm` further along axis 6.
     """
@@ -125,7 +125,7 @@ def _rx(angle: float) -> Array:
 
 
 def _parts(export: ExportRequest) -> tuple[str, Array, Array, Array]:
-    """Return the type, the four rows (4, 6), and the poses (4, 4) before joint 1 and behind joint 6, mm."""
+    """Return the type, the rows (4, 6), and the poses (4, 4), mm, before joint 1 and behind 6."""
     name, published = _type_of(export.robot)
     origins, tip = joint_origins(export.robot, export.carried.values)
     origins, along = origins.copy(), np.eye(4)

@@ -1,4 +1,7 @@
-"""Model written in another program's format, with the lost content and its error; every format side by side."""
+"""Model written in another program's format, with the lost content and its error.
+
+It also compares every format.
+"""
 
 from __future__ import annotations
 

@@ -3,10 +3,10 @@
     robtarget = [[x, y, z], [q1..q4], [cf1, cf4, cf6, cfx], [six external axes]]
     jointtarget = [[six angles, deg], [six external axes]]
 
-A robtarget is a pose of the tool in the work object, mm and scalar-first quaternion. cfx numbers the branch: in
-front of or behind axis 1, in front of or behind the lower arm, axis 5 positive or negative. cf1, cf4, cf6 are
-quarter turns of joints 1, 4, 6. 9E9 means an axis that is not used. The source is the maker's RAPID reference,
-data types.
+A robtarget is a pose of the tool in the work object, mm and scalar-first quaternion. cfx numbers the branch. It is in
+front of or behind axis 1, in front of or behind the lower arm, with axis 5 positive or negative. cf1, cf4, cf6 are
+quarter turns of joints 1, 4, 6. 9E9 means an axis that is not used. The source is the maker's RAPID reference, data
+types.
 """
 
 from __future__ import annotations

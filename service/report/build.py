@@ -402,7 +402,10 @@ def _with_contents(details: Markup) -> tuple[Markup, list[tuple[str, Markup]]]:
 
 
 def _exports(found: IdentificationFit, diagnosis: DiagnosisFit | None = None) -> dict[str, Any] | None:
-    """Return what every format of an export leaves, or why there is none; None if the model cannot be saved."""
+    """Return the remaining error of every format of an export, or why there is none.
+
+    None if the model cannot be saved.
+    """
     if not found.converged:
         return None
     saved = as_saved(found, diagnosis)

@@ -76,7 +76,7 @@ class CertificateParties:
     responsible: str = _NOT_STATED
 
     def stated(self, name: str) -> str:
-        """Return an entry; empty if nobody stated it."""
+        """Return an entry; empty if it is not stated."""
         value = getattr(self, name)
         return "" if value == _NOT_STATED else value
 

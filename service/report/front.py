@@ -214,7 +214,7 @@ def of_regression(sentence: str) -> FrontPage:
 
 
 def who_of(dataset: Dataset, parties: CertificateParties, *, fitted: int | None) -> list[tuple[str, str]]:
-    """Return the entries of the header; a value that nobody stated is empty, to be filled in by hand.
+    """Return the entries of the header; an unstated value is empty, to fill in by hand.
 
     `fitted` is the number of readings in the fit; None if nothing was fitted.
     """
@@ -247,7 +247,10 @@ def who_of(dataset: Dataset, parties: CertificateParties, *, fitted: int | None)
 
 
 def clipped(text: str, most: int) -> str:
-    """Shorten a text to whole sentences, or words where the first is too long; the rest is in the sections."""
+    """Shorten a text to whole sentences, or to whole words if the first is too long.
+
+    The rest is in the sections.
+    """
     if len(text) <= most:
         return text
     end = text.rfind(". ", 0, most - 2)
@@ -297,7 +300,7 @@ def _said(
 
 
 def _proof(verified: Verification | None, dataset: Dataset, *, judged: bool) -> str:
-    """Return what the robot itself showed with corrected targets, or that nobody has tried."""
+    """Return what the robot itself showed with corrected targets, or that it was not tried."""
     if verified is None:
         predicted = "Predicted by the model. " if judged else ""
         return f"{predicted}Not verified on the robot: no corrected target was driven and measured."

@@ -256,7 +256,7 @@ class FleetDiagnosed:
 
     @property
     def result(self) -> FleetRunResult:
-        """The outcome as it is reported."""
+        """Outcome of the diagnosis, as reported."""
         tally = self.tally
         return FleetRunResult(
             format="truepose-fleet-run/1",

@@ -103,7 +103,7 @@ class HistoryLine:
 
     @property
     def shown(self) -> LineShown:
-        """The line as it is answered."""
+        """Line of the history, as answered."""
         entry, said = self.entry, self.said
         return LineShown.model_validate(
             {

@@ -1,4 +1,4 @@
-"""The history of robots as it is answered: a list, one robot, its trends, and what was sent to be kept.
+"""History of robots as answered: a list, one robot, its trends, and the data sent.
 
 The service knows these as it starts, without the store.
 """

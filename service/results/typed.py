@@ -1,4 +1,7 @@
-"""Results about the type of a robot: how a fit agrees with it, and the statistics of a type (`truepose-prior/1`)."""
+"""Results about the type of a robot.
+
+These are the agreement of a fit with it, and the statistics of a type (`truepose-prior/1`).
+"""
 
 from __future__ import annotations
 

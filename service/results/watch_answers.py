@@ -1,6 +1,7 @@
-"""The results of watches, each described once (`truepose-watch-plan/1`, `truepose-watch/1`, `truepose-upkeep/1`).
+"""Results of watches, each described once.
 
-The service knows them as it starts, without what judges.
+They are `truepose-watch-plan/1`, `truepose-watch/1` and `truepose-upkeep/1`. The service knows them as it starts,
+without what judges.
 """
 
 from __future__ import annotations

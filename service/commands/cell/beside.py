@@ -1,4 +1,7 @@
-"""Computations beside a measurement at a terminal, in another process: the robot does not wait for them."""
+"""Computations in another process, during a measurement at a terminal.
+
+The robot does not wait for them.
+"""
 
 from __future__ import annotations
 

@@ -291,7 +291,9 @@ def _zone(text: str, program: Path | None) -> dict[str, list[float]] | None:
 
 
 def _targets_of(program: Path, cell: Cell) -> tuple[list[list[float]], str]:
-    """Return the joints of the targets of a program, deg, as the cell counts them, and which targets are left out.
+    """Return the joints of a program's targets, deg, and which targets are left out.
+
+    The joints are as the cell counts them.
 
     Raises
     ------
@@ -394,7 +396,7 @@ def created_or_continued(record: Path, cell: Cell, campaign: Campaign, simulated
 
 
 def terminal_confirmation(terminal: Terminal) -> Callable[[str], bool]:
-    """Return a function that asks the person at the terminal before a motion; Ctrl-C there means no."""
+    """Return a function that asks the person at the terminal before a motion; Ctrl-C means no."""
 
     def confirm(motion: str) -> bool:
         terminal.rest()

@@ -1,6 +1,6 @@
-"""`--dcc` and `--dcc-parties` of identify and diagnose: a digital calibration certificate beside the report.
+"""Options `--dcc` and `--dcc-parties` of identify and diagnose.
 
-The parties are also on the first page of the report.
+They add a digital calibration certificate to the report. The parties are also on the first page of the report.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Connections to other programs beside HTTP: their addresses, who may use them, and what is known of them.
+"""Connections to other programs by MQTT and OPC UA.
 
-The rules are those of HTTP: without a token of one's own nothing beyond this computer is opened. A broker on another
-computer needs TLS and credentials.
+It has their addresses, their users and their states. The rules are those of HTTP: without a token of one's own nothing
+beyond this computer is opened. A broker on another computer needs TLS and credentials.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ class Broker:
 
     @property
     def address(self) -> str:
-        """Its address, without the credentials."""
+        """Address of the connection, without the credentials."""
         return f"mqtt{'s' if self.tls else ''}://{self.host}:{self.port}"
 
 
@@ -144,7 +144,7 @@ def listener_at(text: str) -> tuple[str, int]:
 
 
 class ConnectionLog:
-    """What is known of a connection. Thread-safe.
+    """State of a connection. Thread-safe.
 
     A new state is logged once, however often it is met.
     """
@@ -156,7 +156,7 @@ class ConnectionLog:
         self._says, self._since_utc = "It is being connected.", time.time()
 
     def note(self, state: State, says: str) -> None:
-        """Note the state and what it is in words."""
+        """Note the state and its description."""
         with self._lock:
             if state == self._state and says == self._says:
                 return

@@ -1,1 +1,1 @@
-"""Live values of a service for other programs: what an MQTT broker or an OPC UA client reads."""
+"""Live values of a service for MQTT brokers and OPC UA clients."""

@@ -1,8 +1,9 @@
-"""The feed of live values: it follows the run that uses the robot, and hands what changes to the publishers.
+"""Feed of live values.
 
-The values are those of HTTP, as JSON: `state` is the answer to `getRun`, `event` an `EventShown` of the same stream as
-`streamEvents`, `result` the answer to `getResult`. The others are members of `state`. Publishers take a value and
-return at once, so that none of them can delay a run or a stop.
+It follows the run that uses the robot, and hands each change to the publishers. The values are those of HTTP, as JSON:
+`state` is the answer to `getRun`, `event` an `EventShown` of the same stream as `streamEvents`, `result` the answer to
+`getResult`. The others are members of `state`. Publishers take a value and return at once, so that none of them can
+delay a run or a stop.
 """
 
 from __future__ import annotations

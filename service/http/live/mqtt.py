@@ -35,7 +35,7 @@ _TOPIC = str.maketrans({each: f"%{ord(each):02X}" for each in "/+#%" + "".join(m
 
 
 def level_of(name: str) -> str:
-    """Return a name as one level of a topic: what has a meaning there is written `%2F`."""
+    """Return a name as one level of a topic, with special characters written like `%2F`."""
     return name.translate(_TOPIC)
 
 
@@ -118,7 +118,10 @@ class MqttPublisher:
                         self._unsent[topic] = None
 
     def _next(self) -> tuple[str, bytes] | None:
-        """Wait until a message can be sent and return its topic and content; None once the publisher is closed."""
+        """Return the topic and content of the next message, once it can be sent.
+
+        None once the publisher is closed.
+        """
         with self._changed:
             self._changed.wait_for(
                 lambda: (

@@ -1,9 +1,10 @@
-"""OPC UA server of live values, with asyncua: variables that clients read and subscribe to, and cannot write.
+"""OPC UA server of live values, with asyncua.
 
-It has a thread and an event loop of its own. Clients name a user, `viewer` or `operator`, whose password is the token
-of that role; anonymous ones are refused. On an address that other computers reach every connection is signed and
-encrypted, with a certificate that is made in the record. Sources: OPC 10000-4 (sessions), 10000-8, 5.6.4.3 (units:
-the number of a unit is its UNECE code as bytes), 10000-5 (variables).
+Clients read its variables and subscribe to them, and cannot write. It has its own thread and event loop. Clients name
+a user, `viewer` or `operator`, whose password is the token of that role; anonymous ones are refused. On an address
+that other computers reach every connection is signed and encrypted, with a certificate that is made in the record.
+Sources: OPC 10000-4 (sessions), 10000-8, 5.6.4.3 (the number of a unit is its UNECE code as bytes), 10000-5
+(variables).
 """
 
 # asyncua exports by names that it does not list, and takes Python's types where its annotations have those of OPC UA.
@@ -66,7 +67,7 @@ class LiveNode:
 
     @property
     def description(self) -> str:
-        """What the member is: the words of OpenAPI."""
+        """Description of the member, from OpenAPI."""
         return self.about or (self.of and self.of.model_fields[self.path[-1]].description) or ""
 
 

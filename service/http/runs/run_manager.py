@@ -376,7 +376,10 @@ class RunManager:
     def run_of_loop(
         self, name: str, title: str, cell: Cell, campaign: Campaign, plan: Callable[[], list[Visit]]
     ) -> Iterator[Run]:
-        """Create a run of the loop that has the robot, or open it; it is listed and takes orders like any other."""
+        """Create or open a run of the loop that has the robot.
+
+        It is listed and takes orders like any other run.
+        """
         execution = self._execution
         assert execution is not None
         if is_begun(folder := self.record_of(name)):
@@ -405,7 +408,7 @@ class RunManager:
 
     @contextmanager
     def examined(self) -> Iterator[Callable[[Examination], None]]:
-        """Reserve the devices within the block, in which they are asked for their state.
+        """Reserve the devices within the block, in which their state is read.
 
         Yields a function that takes the result.
 
@@ -585,5 +588,5 @@ class RunComputations:
         return self._thread.submit(self._workers.call, function, record)
 
     def close(self) -> None:
-        """Begin none any more; whoever waits for one that has not begun is told that it is cancelled."""
+        """Begin no more runs; report to those who wait for one that it is cancelled."""
         self._thread.shutdown(wait=False, cancel_futures=True)

@@ -1,4 +1,4 @@
-"""The tags of the interface: the core, the six steps of the operator's page, and what is beside them.
+"""Tags of the interface: the core, the six steps of the operator's page, and the others.
 
 Their order is that of `/docs` and of `tags` in `/openapi.json`.
 """

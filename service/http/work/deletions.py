@@ -74,7 +74,10 @@ class DeletionLog:
         return self.note("run", document, by, reason, sha256=sha256_of(folder), **more)
 
     def lines(self) -> dict[str, dict[str, Any]]:
-        """Return every line by its number in the file, oldest first, except one that the end of the program cut off."""
+        """Return every line by its number in the file, oldest first.
+
+        A line that the end of the program cut off is missing.
+        """
         file = self._record / FILE
         lines = file.read_text("utf-8").splitlines() if file.is_file() else []
         found = {}

@@ -1,4 +1,6 @@
-"""Pages of a list: `limit` and `cursor` of a request, and the `Link` to the next page (RFC 8288).
+"""Pages of a list: `limit` and `cursor` of a request, and the `Link` to the next page.
+
+The link is as in RFC 8288.
 
 A cursor holds the key of the last item of its page, and the next page begins behind that key. Items that are added
 or deleted meanwhile therefore shift nothing: what exists all the time is on exactly one page. A cursor is opaque to
@@ -48,7 +50,7 @@ LINKED: dict[int | str, dict[str, Any]] = {
 
 @dataclass(frozen=True)
 class Page:
-    """The part of a list that a request asks for.
+    """Requested part of a list.
 
     Attributes
     ----------

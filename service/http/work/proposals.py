@@ -32,7 +32,10 @@ _MOST_BYTES = 4 * 1024 * 1024  # of an answer; a thousand columns have 0.7 MB
 
 @contextmanager
 def written(files: Sent) -> Iterator[list[Path]]:
-    """Write files that were sent into a folder that goes with the block, under their names without folders."""
+    """Write the files sent, by their names without folders, into a folder.
+
+    The folder is deleted at the end of the block.
+    """
     with TemporaryDirectory() as folder:
         paths = [Path(folder) / str(i) / plain_name(name) for i, (name, _) in enumerate(files)]
         for path, (_, content) in zip(paths, files, strict=True):

@@ -1,7 +1,7 @@
 """Pictures of structure that no effect explains.
 
-Structure is drawn where it lives: over an angle, two or three of them, a load, a direction or time, by the side
-of the tool that is down or seen, in the workspace, by target or by pose.
+Structure is drawn where it lives: over an angle, two or three of them, a load, a direction or time. Other pictures
+are by the side of the tool that is down or seen, in the workspace, by target or by pose.
 
 The residual of every reading is a vector. Its three components in the world are drawn over their driver, with
 the weighted means of bins, or as arrows at their place, means of the readings near it. Pure noise scatters

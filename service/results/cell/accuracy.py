@@ -1,4 +1,4 @@
-"""The accuracy of an adaptive campaign while it measures, and what a calibration is expected to need."""
+"""Accuracy of an adaptive campaign while it measures, and the outlook of a calibration."""
 
 from __future__ import annotations
 

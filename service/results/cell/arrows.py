@@ -1,6 +1,7 @@
-"""Errors of readings as arrows in space, for the nominal robot in its place and for a model (`truepose-arrows/1`).
+"""Errors of readings as arrows in space (`truepose-arrows/1`).
 
-An error is the measured minus the predicted point. Lengths are in mm, in the world frame.
+They are for the nominal robot in its place and for a model. An error is the measured minus the predicted point.
+Lengths are in mm, in the world frame.
 """
 
 from __future__ import annotations

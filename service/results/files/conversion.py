@@ -55,7 +55,7 @@ class ConversionResult(ResponseBody):
 
     @classmethod
     def of_mapped(cls, out: Path, found: Converted, kept: Path) -> Self:
-        """Describe a data set that was written by the map in the file `kept`, with the fit of the nominal robot."""
+        """Describe a data set written by the map in the file `kept`, with the nominal robot's fit."""
         return cls.of(out, found.table, map=str(kept), fit=found.fit, said=remarks_of(found))
 
     @property

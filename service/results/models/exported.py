@@ -1,4 +1,7 @@
-"""What every format of `truepose export` carries, leaves out and leaves, before one is chosen."""
+"""Content, losses and remaining error of every format of `truepose export`.
+
+They are known before a format is chosen.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +43,7 @@ class ExportChoice(ResponseBody):
 
     @property
     def lost(self) -> str:
-        """What is lost, for a table."""
+        """Lost content, for a table."""
         return few(self.left_out) or "nothing"
 
 

@@ -1,4 +1,4 @@
-"""Sweeps of single joints (`truepose-sweeps/1`): error, reversal, axis and deviation from the circle."""
+"""Sweeps of single joints (`truepose-sweeps/1`): error, reversal, axis and circle."""
 
 from __future__ import annotations
 

@@ -76,7 +76,7 @@ def describe(app: FastAPI) -> None:
 def serve_openapi(app: FastAPI) -> None:
     """Serve `/openapi.json` for an application that serves none.
 
-    The document takes seconds to make, and any client may request it. So it is made once and in a thread: in the
+    The document takes seconds to make, and any client may request it. Therefore it is made once and in a thread: in the
     event loop a stop would wait for it.
     """
     made: list[bytes] = []

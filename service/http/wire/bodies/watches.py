@@ -1,4 +1,7 @@
-"""The bodies of watches: what is asked of plans of check poses, of watches and upkeeps; a plan with its campaign."""
+"""Bodies of watches: requests for check poses, watches and thermal updates.
+
+A plan of check poses has its campaign.
+"""
 
 from __future__ import annotations
 
