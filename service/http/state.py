@@ -35,7 +35,7 @@ from service.http.work.deletions import DeletionLog
 from service.http.work.history import RobotHistory
 from service.http.work.idempotency import IdempotencyKeys
 from service.http.work.jobs import Jobs
-from service.http.work.paging import Page
+from service.http.work.paging import ListPage
 from service.http.work.readings import DocumentCache
 from service.http.work.workers import Workers
 
@@ -239,7 +239,7 @@ class Service:
     async def listed(
         self,
         member: str,
-        page: Page,
+        page: ListPage,
         keys: Callable[[], Iterable[str]],
         read: Callable[[str], dict[str, Any]],
         *,
@@ -247,7 +247,7 @@ class Service:
     ) -> Response:
         """Return a page of a list as JSON, created once for all simultaneous requests.
 
-        `member` holds the items; `keys` and `read` are those of `Page.take`, and `keys` is called first.
+        `member` holds the items; `keys` and `read` are those of `ListPage.take`, and `keys` is called first.
         """
 
         def work() -> tuple[bytes, str]:

@@ -28,8 +28,9 @@ def holds_a_record(folder: Path) -> bool:
 
 def was_cut_off(folder: Path) -> bool:
     """Return whether the making of a record was interrupted before it held a campaign, and nothing else is there."""
-    if not holds_a_record(folder) or is_begun(folder) or is_owned(folder):
-        return False
+    file = folder / FILE
+    if not file.is_file() or not file.stat().st_size or is_begun(folder) or is_owned(folder):
+        return False  # a file that was emptied may have been a record
     return all(each.name.startswith(FILE) or each.name == LOCK for each in folder.iterdir())
 
 

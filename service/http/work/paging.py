@@ -49,7 +49,7 @@ LINKED: dict[int | str, dict[str, Any]] = {
 
 
 @dataclass(frozen=True)
-class Page:
+class ListPage:
     """Requested part of a list.
 
     Attributes
@@ -109,10 +109,10 @@ def _cursor(path: str, key: str) -> str:
     return base64.urlsafe_b64encode(f"{path}\n{key}".encode()).decode().rstrip("=")
 
 
-def _page(request: Request, limit: int, cursor: str) -> Page:
+def _page(request: Request, limit: int, cursor: str) -> ListPage:
     linked = not {"limit", "cursor"}.isdisjoint(request.query_params)
     if not cursor:
-        return Page(limit, "", request.url, linked)
+        return ListPage(limit, "", request.url, linked)
     try:
         text = base64.b64decode(cursor + "=" * (-len(cursor) % 4), b"-_", validate=True).decode()
     except ValueError:  # it is not ASCII, Base64 or UTF-8
@@ -125,16 +125,16 @@ def _page(request: Request, limit: int, cursor: str) -> Page:
             "Follow the Link of the page before, or leave it out to begin with the first page.",
             key="cursor",
         )
-    return Page(limit, key, request.url, linked)
+    return ListPage(limit, key, request.url, linked)
 
 
-async def _any(request: Request, limit: Limit = 0, cursor: Cursor = "") -> Page:
+async def _any(request: Request, limit: Limit = 0, cursor: Cursor = "") -> ListPage:
     return _page(request, limit, cursor)
 
 
-async def _newest(request: Request, limit: Newest = 50, cursor: Cursor = "") -> Page:
+async def _newest(request: Request, limit: Newest = 50, cursor: Cursor = "") -> ListPage:
     return _page(request, limit, cursor)
 
 
-Paged = Annotated[Page, Depends(_any)]
-NewestPage = Annotated[Page, Depends(_newest)]
+Paged = Annotated[ListPage, Depends(_any)]
+NewestPage = Annotated[ListPage, Depends(_newest)]
