@@ -84,7 +84,7 @@ def parquet_cells(path: Path) -> tuple[list[str], list[tuple[str, ...]], bytes]:
     except (pyarrow.ArrowException, OSError) as error:
         raise DataError(
             f"cannot be read as Parquet ({type(error).__name__}).",
-            do="Write it anew, or give the CSV.",
+            do="Write it again, or give the CSV.",
             file=path,
         ) from error
     return names, list(zip(*columns, strict=True)), content

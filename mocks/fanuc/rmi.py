@@ -106,7 +106,7 @@ class RmiServer:
     async def _push(self, order: Packet) -> None:
         writer, packet = self._taken, order["packet"]
         if writer is None:
-            raise ValueError("nobody is connected")
+            raise ValueError("no client is connected")
         self._say(packet)
         await writer.drain()
         if packet.get("Communication") == "FRC_Terminate":

@@ -26,12 +26,12 @@ Cursor = Annotated[
     str,
     Query(
         max_length=1000,
-        description="Where the page begins, from the `Link` of the page before; empty: at the beginning.",
+        description="Where the page begins, from the `Link` of the page before; at the beginning if empty.",
         examples=["L2FwaS92MS9ydW5zCjIwMjYxMTIxLTE3MDQ1OS0zZjlhMWMwN2IyZQ"],
     ),
 ]
 Limit = Annotated[
-    int, Query(ge=0, le=MOST, description="Number of items of a page; 0: all that are left.", examples=[50])
+    int, Query(ge=0, le=MOST, description="Number of items of a page, or 0 for all that are left.", examples=[50])
 ]
 Newest = Annotated[int, Query(ge=1, le=MOST, description="Number of them, newest first.", examples=[50])]
 LINKED: dict[int | str, dict[str, Any]] = {
