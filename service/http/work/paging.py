@@ -31,7 +31,8 @@ Cursor = Annotated[
     ),
 ]
 Limit = Annotated[
-    int, Query(ge=0, le=MOST, description="Number of items of a page, or 0 for all that are left.", examples=[50])
+    int,
+    Query(ge=0, le=MOST, description="Number of items of a page, or 0 for all that are left.", examples=[50]),
 ]
 Newest = Annotated[int, Query(ge=1, le=MOST, description="Number of them, newest first.", examples=[50])]
 LINKED: dict[int | str, dict[str, Any]] = {
