@@ -14,7 +14,7 @@ import pytest
 
 from tests.service.test_http_support import ROOT
 
-PARTS, CAMPAIGNS = 2, 110
+PARTS, CAMPAIGNS = 2, 80
 # The full disk while a run is created: its folder stayed as a damaged run, and its lock as that of another program.
 ONCE_DEFECTS = (25,)
 

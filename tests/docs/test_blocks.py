@@ -26,7 +26,7 @@ from tests.service.campaigns import read_rows
 DOCS = Path(__file__).parents[2] / "docs"
 BLOCK = re.compile(r"^```(\w*)(?: (file|shows)=(\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 EXTEND = {f"extend/{page.name}" for page in (DOCS / "extend").glob("*.md")}
-ELSEWHERE = {"python.md", "cell-pc/curl.md", "cell-pc/python.md", *EXTEND}
+ELSEWHERE = {"python.md", "cell-pc/core.md", "cell-pc/curl.md", "cell-pc/python.md", *EXTEND}
 RUN = {"first-hour.md", "howto/rehearse.md"}
 NUMBER = re.compile(r"[+-]?\d+(?:\.\d+)?")
 

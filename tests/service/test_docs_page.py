@@ -49,12 +49,12 @@ def test_a_request_is_tried_with_the_token(service: Served, tmp_path: Path) -> N
         page.type(TOKEN)
         click(page, ".auth-btn-wrapper .authorize")
         click(page, ".btn-done")
-        click(page, "[id$="-listCampaigns"] .opblock-summary-control")
-        click(page, "[id$="-listCampaigns"] .try-out__btn")
-        click(page, "[id$="-listCampaigns"] .execute")
-        answer = "[id$="-listCampaigns"] .live-responses-table .highlight-code"
+        click(page, "[id$='-listCampaigns'] .opblock-summary-control")
+        click(page, "[id$='-listCampaigns'] .try-out__btn")
+        click(page, "[id$='-listCampaigns'] .execute")
+        answer = "[id$='-listCampaigns'] .live-responses-table .highlight-code"
         shown(page, answer)
-        assert json.loads(page.value(f"document.querySelector('{answer} code').textContent")) == {
+        assert json.loads(page.value(f'document.querySelector("{answer} code").textContent')) == {
             "campaigns": []
         }
         asked = [

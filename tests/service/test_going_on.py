@@ -16,7 +16,7 @@ import pytest
 
 from acquisition import Cell, Devices, LeaseDeadline, checked_plan
 from acquisition.run import Forecast
-from service.http.runs.run_manager import RunManager
+from service.http.runs.run_manager import RunComputations, RunManager
 from service.http.work.stored_documents import readable
 from service.http.work.workers import Workers
 from tests.acquisition.fakes import Bench, a_campaign, a_cell, devices_of
@@ -32,10 +32,12 @@ def test_a_run_that_was_resumed_is_shown_when_it_goes_on(
     def open_devices(_: Cell) -> Devices:
         return devices_of(bench)
 
-    def slowly(*_: object) -> Future[Forecast]:
-        """Return a run that does not begin until its state has been requested."""
-        asked.wait(PATIENCE_S)
-        return Future()
+    class Slowly(RunComputations):
+        """Computations of a run that does not begin until its state has been requested."""
+
+        def __call__(self, *_: object) -> Future[Forecast]:  # type: ignore[override]
+            asked.wait(PATIENCE_S)
+            return Future()
 
     with (
         closing(Workers(1, waiting=0)) as workers,
@@ -49,7 +51,7 @@ def test_a_run_that_was_resumed_is_shown_when_it_goes_on(
         rested = book.document(name)
         assert (rested["state"], rested["reason"]) == ("paused", "Paused on request.")
         asked.clear()
-        monkeypatch.setattr(book, "compute", slowly)
+        monkeypatch.setattr(book, "compute", Slowly(workers))
         book.resume(name, cell, lease)
         begun = book._execution.begun if book._execution is not None else threading.Event()
         in_time = begun.wait
