@@ -26,6 +26,7 @@ from tests.sabotage import (
     motion,
     outbox,
     priors,
+    races,
     service,
     store,
     upkeep,
@@ -48,6 +49,7 @@ CHANGES: tuple[Change, ...] = (
     *arms.CHANGES,
     *fleet.CHANGES,
     *upkeep.CHANGES,
+    *races.CHANGES,
     *elsewhere.CHANGES,
 )
 
