@@ -250,7 +250,7 @@ def test_mock_speaks_the_dialect_that_is_named() -> None:
     ("arguments", "says"),
     [
         (("nobody",), "key 'NAME': 'nobody' is not simulated. Name abb, abb-simple, fanuc, fanuc-rmi, ur"),
-        (("cell",), "key 'CELL.toml': needs its file. truepose mock cell CELL.toml"),
+        (("cell",), "key 'CELL.toml': needs a cell file. Give it: truepose mock cell CELL.toml"),
         (("cell", "nowhere.toml"), "nowhere.toml: there is no such file"),
     ],
 )
