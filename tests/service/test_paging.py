@@ -21,7 +21,7 @@ from acquisition.errors import RecordError
 from service.http.access.roles import ServiceSettings, Tokens
 from service.http.app import create_app
 from service.http.wire.problems import Problem, not_found
-from service.http.work.paging import Page
+from service.http.work.paging import ListPage
 from tests.service.campaigns import write_data
 from tests.service.test_history import model_of
 from tests.service.test_robots_http import document
@@ -48,7 +48,7 @@ def test_what_exists_all_the_time_is_on_one_page(
     now, always, pages = set(keys), set(keys), list[str]()
     steps, after = iter(changes), ""
     while True:
-        page = Page(limit, after, URL("/list?limit=1"), linked=True)
+        page = ListPage(limit, after, URL("/list?limit=1"), linked=True)
         items, after = page.take(
             sorted(now, reverse=newest_first), lambda key: {"id": key}, newest_first=newest_first
         )
@@ -76,7 +76,7 @@ def test_items_that_are_damaged_or_gone_are_left_out_and_leave_a_page_full() -> 
             raise Problem(500, "damaged", "Restore it.", code=8501)
         return {"id": key}
 
-    page = Page(2, "", URL("/list"), linked=True)
+    page = ListPage(2, "", URL("/list"), linked=True)
     assert page.take("fedcba", read) == ([{"id": "f"}, {"id": "b"}], "b")
     with pytest.raises(Problem, match="ends"):
         page.take("a", lambda key: (_ for _ in ()).throw(Problem(503, "the service ends", "Later.")))
