@@ -7,15 +7,18 @@ rescue.
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import sqlite3
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
+from functools import partial
 from pathlib import Path
 
 import pytest
 
+from acquisition import LeaseDeadline
 from acquisition.errors import DamagedRecord, RecordError
 from acquisition.record.database import FILE
 from acquisition.run.run import Run
@@ -173,3 +176,24 @@ def test_a_half_made_record_is_listed_and_moves_nothing(tmp_path: Path) -> None:
         pass
     with opened(tmp_path / "runs") as book:
         assert [document["state"] for document in readable(book.ids(), book.document)] == ["ready"]
+
+
+@pytest.mark.parametrize("dry", [True, False])
+def test_a_run_that_cannot_be_created_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, dry: bool
+) -> None:
+    def full(folder: Path, *_: object, **__: object) -> None:
+        folder.mkdir()
+        (folder / FILE).touch()
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    cell, campaign = a_cell(), a_campaign(block=BLOCKS)
+    monkeypatch.setattr(Workers, "call", lambda self, keep, folder, *more: full(folder))
+    monkeypatch.setattr(Run, "create", full)
+    with opened(tmp_path / "runs") as book:
+        order = partial(book.check, cell, {}, "")
+        if not dry:
+            order = partial(book.start, cell, (campaign, []), "", LeaseDeadline("anna", 60.0))
+        with pytest.raises(OSError, match="No space"):
+            order()
+        assert list((tmp_path / "runs").iterdir()) == []

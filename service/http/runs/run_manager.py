@@ -224,7 +224,8 @@ class RunManager:
         """
         own = new_id()
         folder = self._folder / own
-        self._workers.call(dry_runs.keep, folder, cell, table, name, self._simulated, models or {})
+        with _whole(folder):
+            self._workers.call(dry_runs.keep, folder, cell, table, name, self._simulated, models or {})
         return own
 
     def start(self, cell: Cell, plan: tuple[Campaign, list[Visit]], name: str, lease: LeaseDeadline) -> str:
@@ -239,11 +240,8 @@ class RunManager:
         devices = self._open_devices(cell)
         run_id = new_id()
         folder, title = self._folder / run_id, name or cell.name
-        try:
+        with _whole(folder):
             run = Run.create(folder, cell, campaign, simulated=self._simulated, name=title, visits=visits)
-        except BaseException:  # a full disk
-            shutil.rmtree(folder, ignore_errors=True)
-            raise
         try:
             with self._mutex:
                 self.refuse_busy()
@@ -385,7 +383,8 @@ class RunManager:
         if is_begun(folder := self.record_of(name)):
             run = self.get(name)
         else:
-            run = Run.create(folder, cell, campaign, simulated=self._simulated, name=title, visits=plan())
+            with _whole(folder):
+                run = Run.create(folder, cell, campaign, simulated=self._simulated, name=title, visits=plan())
         with self._mutex:
             self._runs[name] = run  # stays open: others look at it
             execution.begun.clear()
@@ -549,6 +548,18 @@ class RunManager:
             for run in self._runs.values():
                 run.close()
             self._runs.clear()
+
+
+@contextmanager
+def _whole(folder: Path) -> Iterator[None]:
+    """Remove the new folder of a run that cannot be created within the block, for example on a full disk."""
+    new = not folder.exists()
+    try:
+        yield
+    except BaseException:
+        if new:
+            shutil.rmtree(folder, ignore_errors=True)
+        raise
 
 
 def known_from(examinations: Sequence[Examination]) -> dict[str, KnownDevice]:
